@@ -1,0 +1,505 @@
+"""Connectivity: from cells to stars, edges, rings, boundary, orientation, colours.
+
+These kernels run once per mesh and are linear in its size; they allocate what they return.
+Connectivity errors come back as the index of the first offender, -1 for none.
+"""
+
+import numpy as np
+
+from qsmooth._types import BoolArray, FloatArray, IndexArray, TableArray
+from qsmooth.kernels._jit import kernel
+
+# Stands for the missing opposite vertex where a star's table row is a triangle.
+NO_VERTEX = np.uint32(0xFFFFFFFF)
+
+
+@kernel()
+def find_bad_index(cell_vertices: IndexArray, n_vertices: int) -> int:
+    """Position of the first vertex id outside 0 .. n_vertices - 1, or -1."""
+    for k in range(cell_vertices.size):
+        if cell_vertices[k] < 0 or cell_vertices[k] >= n_vertices:
+            return k
+    return -1
+
+
+@kernel()
+def find_repeated_vertex(cell_offsets: IndexArray, cell_vertices: IndexArray) -> int:
+    """First cell that has a vertex twice, or -1."""
+    for c in range(cell_offsets.size - 1):
+        for i in range(cell_offsets[c], cell_offsets[c + 1]):
+            for j in range(cell_offsets[c], i):
+                if cell_vertices[i] == cell_vertices[j]:
+                    return c
+    return -1
+
+
+@kernel()
+def stars(
+    n_vertices: int, cell_offsets: IndexArray, cell_vertices: IndexArray
+) -> tuple[IndexArray, IndexArray, IndexArray]:
+    """Map each vertex to its cells, ascending, and to its corners there.
+
+    Returns
+    -------
+    offsets, cells, corners : (n_vertices + 1,), (n_corners,), (n_corners,)
+        CSR map; ``corners`` holds positions in `cell_vertices`.
+    """
+    offsets = np.zeros(n_vertices + 1, np.int64)
+    for k in range(cell_vertices.size):
+        offsets[cell_vertices[k] + 1] += 1
+    for v in range(n_vertices):
+        offsets[v + 1] += offsets[v]
+    fill = offsets[:-1].copy()
+    cells = np.empty(cell_vertices.size, np.int64)
+    corners = np.empty(cell_vertices.size, np.int64)
+    for c in range(cell_offsets.size - 1):
+        for k in range(cell_offsets[c], cell_offsets[c + 1]):
+            v = cell_vertices[k]
+            cells[fill[v]] = c
+            corners[fill[v]] = k
+            fill[v] += 1
+    return offsets, cells, corners
+
+
+@kernel()
+def find_duplicate_cells(
+    cell_offsets: IndexArray,
+    cell_vertices: IndexArray,
+    star_offsets: IndexArray,
+    star_cells: IndexArray,
+) -> tuple[int, int, int]:
+    """Count cells that have the same vertices as an earlier one; also the first such pair.
+
+    Returns
+    -------
+    count, cell, earlier_cell
+        The cells are -1 when there is no pair.
+    """
+    n_cells = cell_offsets.size - 1
+    count, cell, earlier_cell = 0, -1, -1
+    shared = np.zeros(n_cells, np.int64)  # vertices in common with the cell in hand
+    touched = np.empty(n_cells, np.int64)
+    for c in range(n_cells):
+        # Two cells with the same vertices meet in any three stars; of one triangle's or quad's
+        # vertices the largest star (a hub of thousands, perhaps) need not be read.
+        first, last = cell_offsets[c], cell_offsets[c + 1]
+        hub, largest = -1, -1
+        for k in range(first, last):
+            v = cell_vertices[k]
+            size = star_offsets[v + 1] - star_offsets[v]
+            if size > largest:
+                hub, largest = v, size
+        n_touched = 0
+        for k in range(first, last):
+            v = cell_vertices[k]
+            if v == hub:
+                continue
+            for s in range(star_offsets[v], star_offsets[v + 1]):
+                other = star_cells[s]
+                if other >= c:
+                    break
+                if shared[other] == 0:
+                    touched[n_touched] = other
+                    n_touched += 1
+                shared[other] += 1
+        found = -1
+        for t in range(n_touched):
+            other = touched[t]
+            n_corners = last - first
+            if (
+                shared[other] == n_corners - 1
+                and cell_offsets[other + 1] - cell_offsets[other] == n_corners
+            ):
+                for k in range(cell_offsets[other], cell_offsets[other + 1]):
+                    if cell_vertices[k] == hub:
+                        found = other
+            shared[other] = 0
+        if found >= 0:
+            count += 1
+            if cell < 0:
+                cell, earlier_cell = c, found
+    return count, cell, earlier_cell
+
+
+@kernel()
+def edge_twins(
+    n_vertices: int, cell_offsets: IndexArray, cell_vertices: IndexArray
+) -> tuple[IndexArray, int, int]:
+    """Pair the sides of cells that are one edge.
+
+    The side at corner position k runs from that corner to the cell's next one.
+
+    Returns
+    -------
+    twins : (n_corners,)
+        Corner position of the same edge in the neighbouring cell; -1 on the boundary.
+    n_bad, first_bad
+        How many sides are the third or later on their edge, and the first of them (-1: none).
+    """
+    n_corners = cell_vertices.size
+    head = np.empty(n_corners, np.int64)
+    for c in range(cell_offsets.size - 1):
+        first, last = cell_offsets[c], cell_offsets[c + 1]
+        for k in range(first, last):
+            head[k] = cell_vertices[k + 1] if k + 1 < last else cell_vertices[first]
+    # Sides sorted by their smaller vertex (counting sort); within such a row, the sides met so far
+    # are found by their larger vertex.
+    offsets = np.zeros(n_vertices + 1, np.int64)
+    for k in range(n_corners):
+        offsets[min(cell_vertices[k], head[k]) + 1] += 1
+    for v in range(n_vertices):
+        offsets[v + 1] += offsets[v]
+    fill = offsets[:-1].copy()
+    sides = np.empty(n_corners, np.int64)
+    for k in range(n_corners):
+        v = min(cell_vertices[k], head[k])
+        sides[fill[v]] = k
+        fill[v] += 1
+    twins = np.full(n_corners, -1, np.int64)
+    row_of = np.full(n_vertices, -1, np.int64)
+    side_of = np.empty(n_vertices, np.int64)
+    n_bad, first_bad = 0, -1
+    for v in range(n_vertices):
+        for s in range(offsets[v], offsets[v + 1]):
+            k = sides[s]
+            w = max(cell_vertices[k], head[k])
+            if row_of[w] != v:
+                row_of[w] = v
+                side_of[w] = k
+            elif twins[side_of[w]] < 0:
+                twins[side_of[w]] = k
+                twins[k] = side_of[w]
+            else:
+                n_bad += 1
+                if first_bad < 0 or k < first_bad:
+                    first_bad = k
+    return twins, n_bad, first_bad
+
+
+@kernel()
+def corner_cells(cell_offsets: IndexArray) -> IndexArray:
+    """Cell of every corner position, (n_corners,)."""
+    cells = np.empty(cell_offsets[-1], np.int64)
+    for c in range(cell_offsets.size - 1):
+        for k in range(cell_offsets[c], cell_offsets[c + 1]):
+            cells[k] = c
+    return cells
+
+
+@kernel()
+def orient_parts(
+    cell_offsets: IndexArray, cell_vertices: IndexArray, twins: IndexArray
+) -> tuple[BoolArray, IndexArray, int, int]:
+    """Make neighbours run alike: which cells to turn round, and the edge-connected parts.
+
+    Returns
+    -------
+    turned : (n_cells,)
+        True where a cell has to be reversed to run like the first cell of its part.
+    parts : (n_cells,)
+        Part of each cell, numbered in the order of their first cells.
+    n_parts
+    conflict
+        A cell that two of its neighbours orient differently (a Möbius strip), or -1.
+    """
+    n_cells = cell_offsets.size - 1
+    cells = corner_cells(cell_offsets)
+    turned = np.zeros(n_cells, np.bool_)
+    parts = np.full(n_cells, -1, np.int64)
+    stack = np.empty(n_cells, np.int64)
+    n_parts = 0
+    for seed in range(n_cells):
+        if parts[seed] >= 0:
+            continue
+        parts[seed] = n_parts
+        stack[0] = seed
+        n_stack = 1
+        while n_stack > 0:
+            n_stack -= 1
+            c = stack[n_stack]
+            for k in range(cell_offsets[c], cell_offsets[c + 1]):
+                t = twins[k]
+                if t < 0:
+                    continue
+                # Neighbours that run alike pass their common edge in opposite directions.
+                differs = cell_vertices[k] == cell_vertices[t]
+                other = cells[t]
+                if parts[other] < 0:
+                    parts[other] = n_parts
+                    turned[other] = turned[c] != differs
+                    stack[n_stack] = other
+                    n_stack += 1
+                elif (turned[other] != turned[c]) != differs:
+                    return turned, parts, n_parts, c
+        n_parts += 1
+    return turned, parts, n_parts, -1
+
+
+@kernel()
+def turn_to_majority(
+    xy: FloatArray,
+    cell_offsets: IndexArray,
+    cell_vertices: IndexArray,
+    parts: IndexArray,
+    n_parts: int,
+    turned: BoolArray,
+) -> None:
+    """Turn whole parts such that most of their cells have positive area.
+
+    Parameters
+    ----------
+    turned : (n_cells,)
+        As `orient_parts` gives it; overwritten. Where as many cells are positive as negative, the
+        sum of the areas decides; where that is zero too, the part stays as it was given.
+    """
+    votes = np.zeros(n_parts, np.int64)
+    areas = np.zeros(n_parts)
+    for c in range(cell_offsets.size - 1):
+        first, last = cell_offsets[c], cell_offsets[c + 1]
+        a = cell_vertices[first]
+        area = 0.0
+        for k in range(first + 1, last - 1):
+            b, d = cell_vertices[k], cell_vertices[k + 1]
+            area += (xy[b, 0] - xy[a, 0]) * (xy[d, 1] - xy[a, 1])
+            area -= (xy[b, 1] - xy[a, 1]) * (xy[d, 0] - xy[a, 0])
+        area = -area if turned[c] else area
+        areas[parts[c]] += area
+        votes[parts[c]] += 1 if area > 0.0 else (-1 if area < 0.0 else 0)
+    for c in range(turned.size):
+        p = parts[c]
+        if votes[p] < 0 or (votes[p] == 0 and areas[p] < 0.0):
+            turned[c] = not turned[c]
+
+
+@kernel()
+def oriented_cells(
+    cell_offsets: IndexArray, cell_vertices: IndexArray, turned: BoolArray
+) -> IndexArray:
+    """Corners of all cells, those of turned cells in reverse order from the same first corner."""
+    out = cell_vertices.copy()
+    for c in range(turned.size):
+        if turned[c]:
+            first, last = cell_offsets[c], cell_offsets[c + 1]
+            for k in range(first + 1, last):
+                out[k] = cell_vertices[last - (k - first)]
+    return out
+
+
+@kernel()
+def rings(
+    n_vertices: int, cell_offsets: IndexArray, cell_vertices: IndexArray, twins: IndexArray
+) -> tuple[IndexArray, IndexArray]:
+    """Map each vertex to its edge neighbours, ascending.
+
+    Returns
+    -------
+    offsets, vertices : (n_vertices + 1,), (2 * n_edges,)
+        CSR map.
+    """
+    # Every edge once: by its only side, or by the first of its two.
+    offsets = np.zeros(n_vertices + 1, np.int64)
+    for c in range(cell_offsets.size - 1):
+        first, last = cell_offsets[c], cell_offsets[c + 1]
+        for k in range(first, last):
+            if twins[k] < 0 or k < twins[k]:
+                offsets[cell_vertices[k] + 1] += 1
+                offsets[cell_vertices[k + 1 if k + 1 < last else first] + 1] += 1
+    for v in range(n_vertices):
+        offsets[v + 1] += offsets[v]
+    fill = offsets[:-1].copy()
+    vertices = np.empty(offsets[-1], np.int64)
+    for c in range(cell_offsets.size - 1):
+        first, last = cell_offsets[c], cell_offsets[c + 1]
+        for k in range(first, last):
+            if twins[k] < 0 or k < twins[k]:
+                v = cell_vertices[k]
+                w = cell_vertices[k + 1 if k + 1 < last else first]
+                vertices[fill[v]] = w
+                fill[v] += 1
+                vertices[fill[w]] = v
+                fill[w] += 1
+    for v in range(n_vertices):
+        first, last = offsets[v], offsets[v + 1]
+        if last - first > 24:  # a hub: sorting by insertion would be quadratic
+            vertices[first:last] = np.sort(vertices[first:last])
+            continue
+        for s in range(first + 1, last):
+            w = vertices[s]
+            t = s
+            while t > first and vertices[t - 1] > w:
+                vertices[t] = vertices[t - 1]
+                t -= 1
+            vertices[t] = w
+    return offsets, vertices
+
+
+@kernel()
+def mark_edge_ends(
+    n_vertices: int, cell_offsets: IndexArray, cell_vertices: IndexArray, sides: BoolArray
+) -> BoolArray:
+    """Vertices at either end of the marked sides, (n_vertices,)."""
+    marked = np.zeros(n_vertices, np.bool_)
+    for c in range(cell_offsets.size - 1):
+        first, last = cell_offsets[c], cell_offsets[c + 1]
+        for k in range(first, last):
+            if sides[k]:
+                marked[cell_vertices[k]] = True
+                marked[cell_vertices[k + 1 if k + 1 < last else first]] = True
+    return marked
+
+
+@kernel()
+def colours(
+    movable: BoolArray,
+    cell_offsets: IndexArray,
+    cell_vertices: IndexArray,
+    star_offsets: IndexArray,
+    star_cells: IndexArray,
+) -> tuple[IndexArray, int]:
+    """Colour the movable vertices such that two that share a cell differ.
+
+    Greedy, in the order of their numbers: each takes the smallest colour that is free.
+
+    Returns
+    -------
+    colour : (n_vertices,)
+        -1 where a vertex does not move.
+    n_colours
+    """
+    n_vertices = movable.size
+    colour = np.full(n_vertices, -1, np.int64)
+    largest = 0
+    for v in range(n_vertices):
+        largest = max(largest, star_offsets[v + 1] - star_offsets[v])
+    taken_by = np.full(3 * largest + 2, -1, np.int64)
+    n_colours = 0
+    for v in range(n_vertices):
+        if not movable[v]:
+            continue
+        for s in range(star_offsets[v], star_offsets[v + 1]):
+            c = star_cells[s]
+            for k in range(cell_offsets[c], cell_offsets[c + 1]):
+                if colour[cell_vertices[k]] >= 0:
+                    taken_by[colour[cell_vertices[k]]] = v
+        mine = 0
+        while taken_by[mine] == v:
+            mine += 1
+        colour[v] = mine
+        n_colours = max(n_colours, mine + 1)
+    return colour, n_colours
+
+
+@kernel()
+def order_by_colour(colour: IndexArray, n_colours: int) -> tuple[IndexArray, TableArray]:
+    """List the movable vertices colour by colour, ascending within each.
+
+    Returns
+    -------
+    colour_offsets, vertices : (n_colours + 1,), (n_movable,)
+        CSR map.
+    """
+    offsets = np.zeros(n_colours + 1, np.int64)
+    for v in range(colour.size):
+        if colour[v] >= 0:
+            offsets[colour[v] + 1] += 1
+    for c in range(n_colours):
+        offsets[c + 1] += offsets[c]
+    fill = offsets[:-1].copy()
+    vertices = np.empty(offsets[-1], np.uint32)
+    for v in range(colour.size):
+        if colour[v] >= 0:
+            vertices[fill[colour[v]]] = v
+            fill[colour[v]] += 1
+    return offsets, vertices
+
+
+@kernel()
+def star_table(
+    vertices: TableArray,
+    cell_offsets: IndexArray,
+    cell_vertices: IndexArray,
+    star_offsets: IndexArray,
+    star_cells: IndexArray,
+    star_corners: IndexArray,
+) -> tuple[IndexArray, TableArray, TableArray]:
+    """Gather, for each listed vertex v, the other corners of the cells around it.
+
+    Returns
+    -------
+    offsets : (n_listed + 1,)
+        Rows of the table that belong to each listed vertex.
+    corners : (n_rows, 3)
+        A quad (v, a, b, c) gives a, b, c; a triangle (v, a, c) gives a, NO_VERTEX, c.
+    cells : (n_rows,)
+        The cell of each row.
+    """
+    offsets = np.zeros(vertices.size + 1, np.int64)
+    for i in range(vertices.size):
+        v = vertices[i]
+        offsets[i + 1] = offsets[i] + star_offsets[v + 1] - star_offsets[v]
+    corners = np.empty((offsets[-1], 3), np.uint32)
+    cells = np.empty(offsets[-1], np.uint32)
+    for i in range(vertices.size):
+        row = offsets[i]
+        v = vertices[i]
+        for s in range(star_offsets[v], star_offsets[v + 1]):
+            c = star_cells[s]
+            first = cell_offsets[c]
+            n_corners = cell_offsets[c + 1] - first
+            at = star_corners[s] - first
+            corners[row, 0] = cell_vertices[first + (at + 1) % n_corners]
+            corners[row, 1] = NO_VERTEX
+            if n_corners == 4:
+                corners[row, 1] = cell_vertices[first + (at + 2) % n_corners]
+            corners[row, 2] = cell_vertices[first + (at + n_corners - 1) % n_corners]
+            cells[row] = c
+            row += 1
+    return offsets, corners, cells
+
+
+@kernel()
+def boundary_loops(
+    n_vertices: int, cell_offsets: IndexArray, cell_vertices: IndexArray, twins: IndexArray
+) -> tuple[int, BoolArray]:
+    """Count the closed loops of boundary edges, and mark vertices where the boundary touches itself.
+
+    Returns
+    -------
+    n_loops
+        Loops through a pinched vertex count as the boundary is followed with the cells on its left.
+    pinched : (n_vertices,)
+        Vertices with more than two boundary edges.
+    """
+    n_corners = cell_vertices.size
+    cells = corner_cells(cell_offsets)
+    degree = np.zeros(n_vertices, np.int64)
+    done = np.zeros(n_corners, np.bool_)
+    n_loops = 0
+    for start in range(n_corners):
+        if twins[start] >= 0 or done[start]:
+            continue
+        n_loops += 1
+        k = start
+        while not done[k]:
+            done[k] = True
+            degree[cell_vertices[k]] += 1
+            # Turn round the head of this side, from cell to cell, to the next boundary side.
+            while True:
+                c = cells[k]
+                k = k + 1 if k + 1 < cell_offsets[c + 1] else cell_offsets[c]
+                if twins[k] < 0:
+                    break
+                k = twins[k]
+    return n_loops, degree > 1
+
+
+@kernel()
+def find_coincident(order: IndexArray, points: FloatArray) -> int:
+    """Count the points that lie exactly on an earlier one; `order` sorts them lexicographically."""
+    count = 0
+    for i in range(1, order.size):
+        same = True
+        for d in range(points.shape[1]):
+            same = same and points[order[i], d] == points[order[i - 1], d]
+        count += 1 if same else 0
+    return count
