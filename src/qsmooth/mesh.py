@@ -1,10 +1,10 @@
-"""The mesh: coordinates and connectivity as flat arrays, checked once; topology derived on demand."""
+"""The mesh: flat arrays, checked once; topology is derived on demand."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import meshio
 
 Surface: TypeAlias = Literal["auto", "flat"]
+A = TypeVar("A", bound=npt.NDArray[Any])
 MeshLike: TypeAlias = "Mesh | tuple[Any, Any]"
 
 # Points may leave their common plane by this fraction of the mesh's diameter.
@@ -442,10 +443,10 @@ class _Topology:
         return int(np.searchsorted(self.cell_offsets, corner, side="right")) - 1
 
 
-def _read_only(array: Any) -> Any:
-    array = array.view()
-    array.flags.writeable = False
-    return array
+def _read_only(array: A) -> A:
+    view = array.view()
+    view.flags.writeable = False
+    return view
 
 
 def _checked_points(points: npt.ArrayLike) -> FloatArray:
@@ -466,7 +467,7 @@ def _checked_points(points: npt.ArrayLike) -> FloatArray:
     return array
 
 
-def _count(bad: BoolArray, what: str) -> str:
+def _count(bad: Any, what: str) -> str:
     n, first = int(bad.sum()), int(np.argmax(bad))
     return f"{n} {'vertex is' if n == 1 else 'vertices are'} {what}, the first is vertex {first}"
 
@@ -582,6 +583,6 @@ def _require_plane(corners: FloatArray, frame: _Frame) -> None:
     if off.max() > PLANE_TOLERANCE * frame.diameter:
         raise MeshError(
             "the points do not lie in one plane: they leave it by up to "
-            f"{off.max():.3g}, in a mesh {frame.diameter:.3g} across; if z is a value on a flat mesh (a "
-            "depth, say), use surface='flat' (--surface flat)"
+            f"{off.max():.3g}, in a mesh {frame.diameter:.3g} across; if z is a value on a flat "
+            "mesh (a depth, say), use surface='flat' (--surface flat)"
         )

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from qsmooth._types import FloatArray, IndexArray
 from qsmooth.mesh import Mesh, MeshLike, as_mesh
@@ -45,7 +46,7 @@ class Histogram:
     Attributes
     ----------
     edges
-        Bin k holds values from ``edges[k]`` (included) to ``edges[k + 1]``; the last edge may be infinite.
+        Bin k holds values from ``edges[k]`` (included) to ``edges[k + 1]``; the last may be inf.
     counts
         Cells in each bin.
     """
@@ -170,9 +171,9 @@ class WorstCells:
 class Quality:
     """Metrics of every cell of a mesh, in cell order; each is computed when first asked for.
 
-    Angles are measured on the left of a cell's boundary as the mesh runs, so that a concave corner has
-    more than 180°. On valid cells angles, `scaled_jacobian`, `shape` and `area` agree with VTK's
-    verdict; on others verdict measures angles up to 180° only, and has no sign in triangles.
+    Angles are measured on the left of a cell's boundary as the mesh runs, so that a concave corner
+    has more than 180°. On valid cells angles, `scaled_jacobian`, `shape` and `area` agree with
+    VTK's verdict; on others verdict measures angles up to 180° only, and has no sign in triangles.
     `aspect_ratio` is the ratio of edges, verdict's ``edge_ratio``, and none of the other aspect
     ratios in the literature.
     """
@@ -229,7 +230,7 @@ class Quality:
 
     @cached_property
     def area(self) -> FloatArray:
-        """Signed area of each cell in the square of the mesh's unit; negative where it is turned."""
+        """Signed area of each cell, in the square of the unit; negative where turned."""
         return self._measure("area")
 
     @cached_property
@@ -336,7 +337,7 @@ def quality(mesh: MeshLike) -> Quality:
     return Quality(as_mesh(mesh))
 
 
-def _histogram(values: FloatArray, edges: FloatArray) -> Histogram:
+def _histogram(values: FloatArray, edges: npt.NDArray[Any]) -> Histogram:
     """Count values by bin; those under the first edge or over the last count at the ends."""
     bins = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
     counts = np.bincount(bins, minlength=len(edges) - 1)

@@ -18,8 +18,8 @@ Guard: TypeAlias = Literal["quality", "clearance"]
 
 # Below this many movable vertices a sweep is over before a second thread has woken up.
 PARALLEL_FROM = 20_000
-# Quality has stopped improving when, over this many sweeps, neither the smallest nor the largest angle
-# got better by this many degrees, nor the mean shape by this much.
+# Quality has stopped improving when, over this many sweeps, neither the smallest nor the largest
+# angle got better by this many degrees, nor the mean shape by this much.
 PATIENCE = 10
 LEAST_ANGLE_GAIN = 0.01
 LEAST_SHAPE_GAIN = 1e-4
@@ -97,7 +97,7 @@ class SmoothResult:
 
 
 Callback: TypeAlias = Callable[[SweepRecord], None]
-# A sweep moves vertices in place, given the mesh's coordinates, and the length and share of each move.
+# A sweep moves vertices of (n, 2) coordinates in place; it writes each one's length and share.
 Sweep: TypeAlias = Callable[[FloatArray, FloatArray, FloatArray], None]
 
 
@@ -188,9 +188,9 @@ def smooth(
         A vertex rests when it moves less than this share of its shortest edge; stop once all do,
         or when quality no longer improves. In [0, 1); 0 runs all sweeps.
     guard
-        What every step has to keep: ``"clearance"`` only validity; ``"quality"`` also the star's smallest
-        scaled Jacobian, or one of 0.5 (more, where the whole mesh begins with more), so that the
-        worst cell never gets worse.
+        What every step has to keep: ``"clearance"`` only validity; ``"quality"`` also the star's
+        smallest scaled Jacobian, or one of 0.5 (more, where the whole mesh begins with more), so
+        that the worst cell never gets worse.
     max_angle, min_angle
         Degrees, 0 < min_angle < max_angle < 180. Corners of quads beyond these are mended.
     triangle_max_angle, triangle_min_angle
@@ -552,8 +552,8 @@ def _reason(
         parts = ["no sweep was asked for"]
     else:
         parts = [
-            f"stopped after {len(history)} sweeps, as max_sweeps says; vertices still moved by up to "
-            f"{100.0 * history[-1].largest_share:.2g} % of their shortest edge"
+            f"stopped after {len(history)} sweeps, as max_sweeps says; vertices still moved by "
+            f"up to {100.0 * history[-1].largest_share:.2g} % of their shortest edge"
         ]
     if before.n_invalid:
         parts.append(
@@ -561,9 +561,7 @@ def _reason(
             f"{method.name} does not untangle: {_cells(after.n_invalid)} invalid now"
         )
     elif after.n_invalid:
-        parts.append(
-            f"{method.name} is unguarded and made {_cells(after.n_invalid)} invalid: use a guarded method"
-        )
+        parts.append(f"{method.name} is unguarded: it made {_cells(after.n_invalid)} invalid")
     return "; ".join(parts)
 
 

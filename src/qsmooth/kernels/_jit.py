@@ -11,6 +11,9 @@ import numba
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+# Numba has type hints in some versions and none in others.
+_njit: Any = numba.njit
+_config: Any = numba.config
 # Python's error model tests every division for zero and so stops vectorisation.
 _COMMON = {"error_model": "numpy"}
 _KERNEL = {**_COMMON, "cache": True, "nogil": True}
@@ -18,7 +21,7 @@ _KERNEL = {**_COMMON, "cache": True, "nogil": True}
 
 def helper() -> Callable[[F], F]:
     """Compile a small function of scalars, which LLVM inlines into its kernels."""
-    return cast("Callable[[F], F]", numba.njit(**_COMMON))
+    return cast("Callable[[F], F]", _njit(**_COMMON))
 
 
 def strict_helper() -> Callable[[F], F]:
@@ -26,12 +29,12 @@ def strict_helper() -> Callable[[F], F]:
 
     LLVM then neither reorders nor fuses the operations, as the error bounds assume.
     """
-    return cast("Callable[[F], F]", numba.njit(fastmath=False, **_COMMON))
+    return cast("Callable[[F], F]", _njit(fastmath=False, **_COMMON))
 
 
 def kernel() -> Callable[[F], F]:
     """Compile a loop for one thread, cached on disk."""
-    return cast("Callable[[F], F]", numba.njit(**_KERNEL))
+    return cast("Callable[[F], F]", _njit(**_KERNEL))
 
 
 class _Threads(threading.local):
@@ -63,19 +66,19 @@ def use_threads(count: int) -> Iterator[None]:
 
 def available_threads() -> int:
     """Count the threads that parallel kernels may use at most."""
-    return int(numba.config.NUMBA_NUM_THREADS)
+    return int(_config.NUMBA_NUM_THREADS)
 
 
 class ParallelKernel:
     """One body compiled twice: a plain loop for one thread, a parallel one for several.
 
-    Entering a parallel region costs 5 to 40 microseconds, and milliseconds on busy cores; a
-    sweep of a small mesh is over before that. Neither form has fastmath, so both give the same bits.
+    Entering a parallel region costs 5 to 40 microseconds, and milliseconds on busy cores; a sweep
+    of a small mesh is over before that. Neither form has fastmath, so both give the same bits.
     """
 
     def __init__(self, function: FunctionType) -> None:
         functools.update_wrapper(self, function)
-        self.serial = numba.njit(**_KERNEL)(function)
+        self.serial = _njit(**_KERNEL)(function)
         # Numba's cache tells functions apart by name, line and bytecode, not by flags: without a
         # name of its own the parallel form would be loaded where the serial one is wanted.
         twin = FunctionType(
@@ -83,7 +86,7 @@ class ParallelKernel:
         )
         twin.__module__ = function.__module__
         twin.__qualname__ = function.__qualname__ + "_parallel"
-        self.parallel = numba.njit(parallel=True, **_KERNEL)(twin)
+        self.parallel = _njit(parallel=True, **_KERNEL)(twin)
 
     def __call__(self, *args: Any) -> None:
         (self.serial if _threads.count == 1 else self.parallel)(*args)

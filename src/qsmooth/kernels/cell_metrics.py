@@ -200,9 +200,9 @@ def validity(
     xy, cell_offsets, cell_vertices
         As in `angles`; coordinates are finite.
     out : (n_cells,)
-        Overwritten. A quad is valid (0) with four positive corners, collapsed (1) with a zero and no
-        negative one, concave (2) with one negative, crossed (3) with two, or with one negative and a
-        zero, inverted (4) with three or four. A triangle is valid, collapsed or inverted.
+        Overwritten. A quad is valid (0) with four positive corners, collapsed (1) with a zero and
+        no negative one, concave (2) with one negative, crossed (3) with two, or with one negative
+        and a zero, inverted (4) with three or four. A triangle is valid, collapsed or inverted.
     """
     for c in prange(out.size):
         first, last = cell_offsets[c], cell_offsets[c + 1]

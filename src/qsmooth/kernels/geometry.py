@@ -20,7 +20,7 @@ TRIANGLE_SCALE = 2.0 / math.sqrt(3.0)
 
 @strict_helper()
 def certainly_left(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -> bool:
-    """Whether a, b, c turn left (counter-clockwise) beyond any rounding error; False when unsure."""
+    """Whether a, b, c turn left beyond any rounding error; False when unsure."""
     left = (ax - cx) * (by - cy)
     right = (ay - cy) * (bx - cx)
     bound = ORIENTATION_BOUND * (abs(left) + abs(right)) + UNDERFLOW_BOUND

@@ -3,8 +3,8 @@
 The star of a vertex v is a run of rows of a table of its cells: a quad (v, a, b, c) as a, b, c and
 a triangle (v, a, c) as a, NO_VERTEX, c, counter-clockwise.
 
-The guard lines of v are, in each cell, a→c, and in a quad also a→b and b→c: the corners that v takes
-part in are convex exactly when v is on the left of all of them. Its clearance is the smallest
+The guard lines of v are, in each cell, a→c, and in a quad also a→b and b→c: the corners that v
+takes part in are convex exactly when v is on the left of all of them. Its clearance is the smallest
 signed distance to one. As a minimum of linear functions it is concave, so that the mean of places
 that each keep the clearance keeps it too.
 """
@@ -191,8 +191,8 @@ def allowed_step(
     dx, dy
         The step.
     good
-        The ``"quality"`` guard: the star's smallest scaled Jacobian must not fall, or stay at or above
-        this. NaN for no such guard.
+        The ``"quality"`` guard: the star's smallest scaled Jacobian must not fall, or stay at or
+        above this. NaN for no such guard.
     lines, n_lines, least
         The guard lines and the clearance to keep; ``n_lines=0`` where it is known to be kept.
 

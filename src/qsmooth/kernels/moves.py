@@ -1,7 +1,7 @@
 """The paper's moves of a quad's corner, and the proposals of all cells of a star.
 
-"Quadrilateral Mesh Smoothing": where a corner's angle is too large or too small, push or pull it along
-the normal of its diagonal, shrink or stretch the diagonal, and even out its distances to the
+"Quadrilateral Mesh Smoothing": where a corner's angle is too large or too small, push or pull it
+along the normal of its diagonal, shrink or stretch the diagonal, and even out its distances to the
 diagonal's ends. In a triangle the opposite edge plays the diagonal.
 """
 

@@ -461,7 +461,7 @@ def star_table(
 def boundary_loops(
     n_vertices: int, cell_offsets: IndexArray, cell_vertices: IndexArray, twins: IndexArray
 ) -> tuple[int, BoolArray]:
-    """Count the closed loops of boundary edges, and mark vertices where the boundary touches itself.
+    """Count the closed loops of boundary edges, and mark where the boundary touches itself.
 
     Returns
     -------
