@@ -24,6 +24,11 @@ def helper() -> Callable[[F], F]:
     return cast("Callable[[F], F]", _njit(**_COMMON))
 
 
+def lane_helper() -> Callable[[F], F]:
+    """Compile what a loop over lanes calls: always inlined by LLVM, as a call stops vectorisation."""
+    return cast("Callable[[F], F]", _njit(forceinline=True, **_COMMON))
+
+
 def strict_helper() -> Callable[[F], F]:
     """Compile what certifies validity: like `helper`, and never with fastmath.
 
