@@ -114,7 +114,7 @@ def _add_triangle(
 
 
 @helper()
-def _newton_step(s: FloatArray, n: int) -> None:
+def newton_step(s: FloatArray, n: int) -> None:
     for i in range(n):
         hxx, hxy, hyy = s[HXX + i], s[HXY + i], s[HYY + i]
         gx, gy = s[GX + i], s[GY + i]
@@ -172,7 +172,7 @@ def _try_triangle(
 
 
 @helper()
-def _start_trial(s: FloatArray, n: int, fraction: float) -> None:
+def start_trial(s: FloatArray, n: int, fraction: float) -> None:
     for i in range(n):
         s[PX + i] = s[X + i] + fraction * s[SX + i]
         s[PY + i] = s[Y + i] + fraction * s[SY + i]
@@ -181,32 +181,41 @@ def _start_trial(s: FloatArray, n: int, fraction: float) -> None:
 
 
 @helper()
-def _move_block(
-    xy: FloatArray, vertices: TableArray, stars: TableArray, first: int, n: int, quads: int,
-    triangles: int, star: int, relaxation: float, mean_weight: float, inv_limit: float,
-    squarings: int, power: float, star_xy: FloatArray, s: FloatArray, moves: FloatArray,
+def gather_block(
+    xy: FloatArray, vertices: TableArray, stars: TableArray, first: int, n: int, n_corners: int,
+    entry: int, star_xy: FloatArray, s: FloatArray, moves: FloatArray,
 ) -> None:  # fmt: skip
-    for k in range(3 * quads + 2 * triangles):
-        x, y, entry = k * ROW2, k * ROW2 + ROW, star + k * n
+    """Fetch the stars of a block's vertices, and clear its accumulators."""
+    for k in range(n_corners):
+        x, y, row = k * ROW2, k * ROW2 + ROW, entry + k * n
         for i in range(n):
-            w = stars[entry + i]
+            w = stars[row + i]
             star_xy[x + i], star_xy[y + i] = xy[w, 0], xy[w, 1]
     for i in range(n):
         v = vertices[first + i]
         s[X + i], s[Y + i] = xy[v, 0], xy[v, 1]
         moves[first + i] = 0.0
         s[TODO + i] = 1.0
-    for i in range(6 * ROW):
-        s[ENERGY + i] = 0.0
+    for i in range(ROW6):
+        s[i] = 0.0
+
+
+@helper()
+def _move_block(
+    xy: FloatArray, vertices: TableArray, stars: TableArray, first: int, n: int, quads: int,
+    triangles: int, entry: int, relaxation: float, mean_weight: float, inv_limit: float,
+    squarings: int, power: float, star_xy: FloatArray, s: FloatArray, moves: FloatArray,
+) -> None:  # fmt: skip
+    gather_block(xy, vertices, stars, first, n, 3 * quads + 2 * triangles, entry, star_xy, s, moves)
     triangle_rows = quads * ROW6
     for k in range(quads):
         _add_quad(star_xy, s, k * ROW6, n, mean_weight, inv_limit, squarings, power)
     for k in range(triangles):
         _add_triangle(star_xy, s, triangle_rows + k * ROW4, n, mean_weight, inv_limit, squarings, power)
-    _newton_step(s, n)
+    newton_step(s, n)
     fraction = relaxation
     for attempt in range(len(FRACTIONS) + 1):
-        _start_trial(s, n, fraction)
+        start_trial(s, n, fraction)
         for k in range(quads):
             _try_quad(star_xy, s, k * ROW6, n, mean_weight, inv_limit, squarings)
         for k in range(triangles):
