@@ -1,13 +1,15 @@
-"""One Newton step per vertex on the shape energy, on blocks of lanes.
+"""One Newton step per vertex on the energy of its star, on blocks of lanes.
 
-The shape energy of a quad's corner with edge vectors u, w is f = (|u|² + |w|²) / (2 det(u, w)), of
-a triangle f = (|u|² + |w|² − u·w) / (√3 det(u, w)): 1 at best, infinite where it collapses. Each
-is a square over a linear function of the vertex that moves, hence convex where it is valid, and so is
-the sum of
+A quad's corner with edge vectors u, w has the shape energy f = (|u|² + |w|²) / (2 det(u, w)), a
+triangle f = (|u|² + |w|² − u·w) / (√3 det(u, w)): 1 at best, infinite where it collapses. The badness
+of a corner is g = |u| |w| / det(u, w), one over its sine (in a triangle, over that of 60°), so that
+the largest g is one over the smallest scaled Jacobian. The energy is the sum of
 
-    mean_weight · f + (f / limit)^power
+    mean_weight · f + (g / limit)^power
 
-over the star: a vertex's problem has one minimum, and Newton's step always points downhill.
+over the cells and corners: the mean shape, and a wall that only bad corners feel, those with g near
+or above `limit`. f is a square over a linear function of the vertex that moves, hence convex, and g
+lies under such functions; Newton's steps are those of convex problems and point downhill.
 """
 
 import math
@@ -21,6 +23,7 @@ from qsmooth.kernels.blocks import FIRST, LANES, N_QUADS, N_TRIANGLES, SIZE, STA
 from qsmooth.kernels.geometry import ORIENTATION_BOUND, UNDERFLOW_BOUND
 
 INV_ROOT3 = 1.0 / math.sqrt(3.0)
+SINE_60 = math.sqrt(0.75)
 # Scratch of a block: rows of lanes in one flat array. One array with a constant row length lets the
 # compiler see that rows do not overlap, and unsigned offsets need no wrap-around test; without
 # either the loops over lanes stay scalar.
@@ -47,70 +50,113 @@ def _power(r: float, squarings: int) -> float:
 
 @lane_helper()
 def _add_corner(
-    det: float, squares: float, nx: float, ny: float, dx: float, dy: float, n2: float, scale: float,
-    mean_weight: float, inv_limit: float, squarings: int, power: float, s: FloatArray, i: int,
+    det: float, dx: float, dy: float, uu: float, ux: float, uy: float, u2: float,
+    ww: float, wx: float, wy: float, w2: float, mean_weight: float, inv_limit: float,
+    squarings: int, power: float, s: FloatArray, i: int,
 ) -> None:  # fmt: skip
-    """Add a corner, f = scale · squares / det: (nx, ny), (dx, dy) are the gradients of the two."""
+    """Add a corner's energy and its derivatives by the vertex that moves.
+
+    Given are its determinant, and the halves of its edges' squared lengths uu and ww, each with its
+    gradient and the diagonal of its Hessian.
+    """
     inv = 1.0 / det
-    f = scale * squares * inv
-    fx, fy = (scale * nx - f * dx) * inv, (scale * ny - f * dy) * inv
-    high = _power(f * inv_limit, squarings)
-    slope = power * high / f
-    first = mean_weight + slope
-    second = (power - 1.0) * slope / f
-    # Hessian of f: (scale · n2 · I − ∇f ∇detᵀ − ∇det ∇fᵀ) / det
+    f = (uu + ww) * inv
+    fx, fy = (ux + wx - f * dx) * inv, (uy + wy - f * dy) * inv
+    # |u| |w| / det lies under (|u|² t + |w|² / t) / (2 det) for every t > 0, and touches it at the
+    # t taken here. That bound is convex: what lowers it lowers the energy.
+    t = math.sqrt(ww / uu)
+    inv_t = 1.0 / t
+    g = (uu * t + ww * inv_t) * inv
+    gx, gy = (ux * t + wx * inv_t - g * dx) * inv, (uy * t + wy * inv_t - g * dy) * inv
+    high = _power(g * inv_limit, squarings)
+    slope = power * high / g
+    second = (power - 1.0) * slope / g
     s[ENERGY + i] += mean_weight * f + high
-    s[GX + i] += first * fx
-    s[GY + i] += first * fy
-    first *= inv
-    s[HXX + i] += first * (scale * n2 - 2.0 * fx * dx) + second * fx * fx
-    s[HXY + i] += second * fx * fy - first * (fx * dy + fy * dx)
-    s[HYY + i] += first * (scale * n2 - 2.0 * fy * dy) + second * fy * fy
+    s[GX + i] += mean_weight * fx + slope * gx
+    s[GY + i] += mean_weight * fy + slope * gy
+    # The Hessian of a fraction n / det: (∇²n − ∇f ∇detᵀ − ∇det ∇fᵀ) / det
+    first, slope = mean_weight * inv, slope * inv
+    diagonal = first * (u2 + w2) + slope * (u2 * t + w2 * inv_t)
+    mx, my = first * fx + slope * gx, first * fy + slope * gy
+    s[HXX + i] += diagonal - 2.0 * mx * dx + second * gx * gx
+    s[HXY + i] += second * gx * gy - (mx * dy + my * dx)
+    s[HYY + i] += diagonal - 2.0 * my * dy + second * gy * gy
 
 
 @helper()
 def _add_quad(
-    star: FloatArray, s: FloatArray, k: int, n: int,
-    mean_weight: float, inv_limit: float, squarings: int, power: float,
+    star: FloatArray, s: FloatArray, k: int, n: int, mean_weight: float, inv_limit: float,
+    squarings: int, power: float,
 ) -> None:  # fmt: skip
     for i in range(n):
         px, py = s[X + i], s[Y + i]
         ax, ay = star[k + i] - px, star[k + ROW + i] - py
         bx, by = star[k + ROW2 + i] - px, star[k + ROW3 + i] - py
         cx, cy = star[k + ROW4 + i] - px, star[k + ROW5 + i] - py
+        va, vc = 0.5 * (ax * ax + ay * ay), 0.5 * (cx * cx + cy * cy)
         _add_corner(
-            ax * cy - ay * cx, ax * ax + ay * ay + cx * cx + cy * cy,
-            -2.0 * (ax + cx), -2.0 * (ay + cy), ay - cy, cx - ax, 4.0, 0.5,
+            ax * cy - ay * cx, ay - cy, cx - ax, va, -ax, -ay, 1.0, vc, -cx, -cy, 1.0,
             mean_weight, inv_limit, squarings, power, s, i,
         )  # fmt: skip
-        ux, uy = bx - ax, by - ay
+        ex, ey = bx - ax, by - ay
         _add_corner(
-            uy * ax - ux * ay, ux * ux + uy * uy + ax * ax + ay * ay,
-            -2.0 * ax, -2.0 * ay, -uy, ux, 2.0, 0.5,
+            ey * ax - ex * ay, -ey, ex, 0.5 * (ex * ex + ey * ey), 0.0, 0.0, 0.0, va, -ax, -ay, 1.0,
             mean_weight, inv_limit, squarings, power, s, i,
         )  # fmt: skip
-        ux, uy = bx - cx, by - cy
+        ex, ey = bx - cx, by - cy
         _add_corner(
-            cy * ux - cx * uy, ux * ux + uy * uy + cx * cx + cy * cy,
-            -2.0 * cx, -2.0 * cy, uy, -ux, 2.0, 0.5,
+            cy * ex - cx * ey, ey, -ex, 0.5 * (ex * ex + ey * ey), 0.0, 0.0, 0.0, vc, -cx, -cy, 1.0,
             mean_weight, inv_limit, squarings, power, s, i,
         )  # fmt: skip
+
+
+@lane_helper()
+def _add_mean(
+    det: float, dx: float, dy: float, n: float, nx: float, ny: float, n2: float, weight: float,
+    s: FloatArray, i: int,
+) -> None:  # fmt: skip
+    """Add weight · n / det and its derivatives."""
+    inv = 1.0 / det
+    f = n * inv
+    fx, fy = (nx - f * dx) * inv, (ny - f * dy) * inv
+    s[ENERGY + i] += weight * f
+    s[GX + i] += weight * fx
+    s[GY + i] += weight * fy
+    weight *= inv
+    s[HXX + i] += weight * (n2 - 2.0 * fx * dx)
+    s[HXY + i] -= weight * (fx * dy + fy * dx)
+    s[HYY + i] += weight * (n2 - 2.0 * fy * dy)
 
 
 @helper()
 def _add_triangle(
-    star: FloatArray, s: FloatArray, k: int, n: int,
-    mean_weight: float, inv_limit: float, squarings: int, power: float,
+    star: FloatArray, s: FloatArray, k: int, n: int, mean_weight: float, inv_limit: float,
+    squarings: int, power: float,
 ) -> None:  # fmt: skip
     for i in range(n):
         px, py = s[X + i], s[Y + i]
         ax, ay = star[k + i] - px, star[k + ROW + i] - py
         cx, cy = star[k + ROW2 + i] - px, star[k + ROW3 + i] - py
-        _add_corner(
-            ax * cy - ay * cx, ax * ax + ay * ay + cx * cx + cy * cy - ax * cx - ay * cy,
-            -(ax + cx), -(ay + cy), ay - cy, cx - ax, 2.0, INV_ROOT3,
-            mean_weight, inv_limit, squarings, power, s, i,
+        va, vc = 0.5 * (ax * ax + ay * ay), 0.5 * (cx * cx + cy * cy)
+        ex, ey = cx - ax, cy - ay
+        ee = 0.5 * (ex * ex + ey * ey)
+        det, dx, dy = ax * cy - ay * cx, ay - cy, cx - ax
+        # |u|² + |w|² − u·w is half the sum of the three squared edges.
+        _add_mean(
+            det, dx, dy, INV_ROOT3 * (va + vc + ee), -INV_ROOT3 * (ax + cx), -INV_ROOT3 * (ay + cy),
+            2.0 * INV_ROOT3, mean_weight, s, i,
         )  # fmt: skip
+        # The sine of 60 degrees is ideal, so limits are those of quads by that much.
+        limit = inv_limit * SINE_60
+        _add_corner(
+            det, dx, dy, va, -ax, -ay, 1.0, vc, -cx, -cy, 1.0, 0.0, limit, squarings, power, s, i
+        )
+        _add_corner(
+            det, dx, dy, ee, 0.0, 0.0, 0.0, va, -ax, -ay, 1.0, 0.0, limit, squarings, power, s, i
+        )
+        _add_corner(
+            det, dx, dy, ee, 0.0, 0.0, 0.0, vc, -cx, -cy, 1.0, 0.0, limit, squarings, power, s, i
+        )
 
 
 @helper()
@@ -125,21 +171,23 @@ def newton_step(s: FloatArray, n: int) -> None:
 
 @lane_helper()
 def _try_corner(
-    left: float, right: float, squares: float, scale: float,
-    mean_weight: float, inv_limit: float, squarings: int, s: FloatArray, i: int,
+    left: float, right: float, uu: float, ww: float, mean_weight: float, inv_limit: float,
+    squarings: int, s: FloatArray, i: int,
 ) -> None:  # fmt: skip
     """Add a corner's energy, and keep the least margin by which its area is certified positive."""
     det = left - right
-    f = scale * squares / det
-    s[TRIAL + i] += mean_weight * f + _power(f * inv_limit, squarings)
+    s[TRIAL + i] += mean_weight * 0.5 * (uu + ww) / det + _power(
+        math.sqrt(uu * ww) / det * inv_limit, squarings
+    )
     margin = det - (ORIENTATION_BOUND * (abs(left) + abs(right)) + UNDERFLOW_BOUND)
     s[MARGIN + i] = margin if margin < s[MARGIN + i] else s[MARGIN + i]
 
 
 @helper()
 def _try_quad(
-    star: FloatArray, s: FloatArray, k: int, n: int, mean_weight: float, inv_limit: float, squarings: int
-) -> None:
+    star: FloatArray, s: FloatArray, k: int, n: int, mean_weight: float, inv_limit: float,
+    squarings: int,
+) -> None:  # fmt: skip
     # All differences are of stored coordinates, and each determinant is taken about one of its
     # points, as the error bound asks.
     for i in range(n):
@@ -149,26 +197,34 @@ def _try_quad(
         ux, uy = ax - px, ay - py
         wx, wy = cx - px, cy - py
         va, vc = ux * ux + uy * uy, wx * wx + wy * wy
-        _try_corner(ux * wy, uy * wx, va + vc, 0.5, mean_weight, inv_limit, squarings, s, i)
+        _try_corner(ux * wy, uy * wx, va, vc, mean_weight, inv_limit, squarings, s, i)
         ex, ey = bx - ax, by - ay
         _try_corner(
-            ey * ux, ex * uy, ex * ex + ey * ey + va, 0.5, mean_weight, inv_limit, squarings, s, i
+            ey * ux, ex * uy, ex * ex + ey * ey, va, mean_weight, inv_limit, squarings, s, i
         )
         ex, ey = bx - cx, by - cy
         _try_corner(
-            ex * wy, ey * wx, ex * ex + ey * ey + vc, 0.5, mean_weight, inv_limit, squarings, s, i
+            ex * wy, ey * wx, ex * ex + ey * ey, vc, mean_weight, inv_limit, squarings, s, i
         )
 
 
 @helper()
 def _try_triangle(
-    star: FloatArray, s: FloatArray, k: int, n: int, mean_weight: float, inv_limit: float, squarings: int
-) -> None:
+    star: FloatArray, s: FloatArray, k: int, n: int, mean_weight: float, inv_limit: float,
+    squarings: int,
+) -> None:  # fmt: skip
     for i in range(n):
-        ux, uy = star[k + i] - s[PX + i], star[k + ROW + i] - s[PY + i]
-        wx, wy = star[k + ROW2 + i] - s[PX + i], star[k + ROW3 + i] - s[PY + i]
-        squares = ux * ux + uy * uy + wx * wx + wy * wy - ux * wx - uy * wy
-        _try_corner(ux * wy, uy * wx, squares, INV_ROOT3, mean_weight, inv_limit, squarings, s, i)
+        ax, ay, cx, cy = star[k + i], star[k + ROW + i], star[k + ROW2 + i], star[k + ROW3 + i]
+        ux, uy = ax - s[PX + i], ay - s[PY + i]
+        wx, wy = cx - s[PX + i], cy - s[PY + i]
+        ex, ey = cx - ax, cy - ay
+        va, vc, ee = ux * ux + uy * uy, wx * wx + wy * wy, ex * ex + ey * ey
+        limit = inv_limit * SINE_60
+        _try_corner(ux * wy, uy * wx, va, vc, 0.0, limit, squarings, s, i)
+        det = ux * wy - uy * wx
+        s[TRIAL + i] += mean_weight * 0.5 * INV_ROOT3 * (va + vc + ee) / det
+        s[TRIAL + i] += _power(math.sqrt(ee * va) / det * limit, squarings)
+        s[TRIAL + i] += _power(math.sqrt(ee * vc) / det * limit, squarings)
 
 
 @helper()
@@ -253,7 +309,7 @@ def newton_sweep(
     relaxation
         Multiple of the Newton step that is tried first; then 1, 0.4 and 0.1.
     mean_weight, limit, squarings
-        The energy of a corner is mean_weight · f + (f / limit) ** (2 ** squarings).
+        The energy is the sum of mean_weight · f + (g / limit) ** (2 ** squarings).
     moves : (n_movable,)
         Overwritten, in block order. Length of each move.
     """
@@ -271,20 +327,20 @@ def newton_sweep(
 
 @parallel_kernel()
 def cell_energy(
-    xy: FloatArray, cell_offsets: IndexArray, cell_vertices: IndexArray, worst: FloatArray,
-    total: FloatArray,
+    xy: FloatArray, cell_offsets: IndexArray, cell_vertices: IndexArray, badness: FloatArray,
+    shape: FloatArray,
 ) -> None:  # fmt: skip
-    """Measure the largest and the summed shape energy f of each cell's corners.
+    """Measure each cell's largest badness g, and the shape energy f summed over its corners.
 
     Parameters
     ----------
-    worst, total : (n_cells,)
+    badness, shape : (n_cells,)
         Overwritten; infinite where a corner is not positive.
     """
-    for c in prange(worst.size):
+    for c in prange(badness.size):
         first, last = cell_offsets[c], cell_offsets[c + 1]
         triangle = last - first == 3
-        w_max, w_sum = 0.0, 0.0
+        worst, total = 0.0, 0.0
         d = cell_vertices[last - 1]
         for k in range(first, last):
             a = cell_vertices[k]
@@ -292,16 +348,13 @@ def cell_energy(
             ux, uy = xy[b, 0] - xy[a, 0], xy[b, 1] - xy[a, 1]
             wx, wy = xy[d, 0] - xy[a, 0], xy[d, 1] - xy[a, 1]
             det = ux * wy - uy * wx
-            squares = ux * ux + uy * uy + wx * wx + wy * wy
+            uu, ww = ux * ux + uy * uy, wx * wx + wy * wy
+            scale = SINE_60 if triangle else 1.0
+            f = 0.5 * (uu + ww) / det
             if triangle:
-                f = INV_ROOT3 * (squares - ux * wx - uy * wy) / det
-            else:
-                f = 0.5 * squares / det
-            f = f if det > 0.0 else np.inf
-            w_max = max(w_max, f)
-            w_sum += f
+                f = INV_ROOT3 * (uu + ww - ux * wx - uy * wy) / (3.0 * det)
+            worst = max(worst, scale * math.sqrt(uu * ww) / det if det > 0.0 else np.inf)
+            total += f if det > 0.0 else np.inf
             d = a
-            if triangle:
-                break
-        worst[c] = w_max
-        total[c] = w_sum
+        badness[c] = worst
+        shape[c] = total
