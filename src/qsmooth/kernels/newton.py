@@ -17,7 +17,7 @@ import math
 import numpy as np
 from numba import prange
 
-from qsmooth._types import FloatArray, IndexArray, TableArray
+from qsmooth._types import BoolArray, FloatArray, IndexArray, TableArray
 from qsmooth.kernels._jit import helper, lane_helper, parallel_kernel
 from qsmooth.kernels.blocks import FIRST, LANES, N_QUADS, N_TRIANGLES, SIZE, STAR
 from qsmooth.kernels.geometry import ORIENTATION_BOUND, UNDERFLOW_BOUND
@@ -327,15 +327,17 @@ def newton_sweep(
 
 @parallel_kernel()
 def cell_energy(
-    xy: FloatArray, cell_offsets: IndexArray, cell_vertices: IndexArray, badness: FloatArray,
-    shape: FloatArray,
+    xy: FloatArray, cell_offsets: IndexArray, cell_vertices: IndexArray, movable: BoolArray,
+    badness: FloatArray, shape: FloatArray,
 ) -> None:  # fmt: skip
-    """Measure each cell's largest badness g, and the shape energy f summed over its corners.
+    """Measure each cell's largest badness g, and its shape energy f (the mean over its corners).
 
     Parameters
     ----------
+    movable : (n_vertices,)
+        Corners without a movable vertex can't change and do not count.
     badness, shape : (n_cells,)
-        Overwritten; infinite where a corner is not positive.
+        Overwritten; 0 where no corner counts, infinite where one that does is not positive.
     """
     for c in prange(badness.size):
         first, last = cell_offsets[c], cell_offsets[c + 1]
@@ -345,16 +347,19 @@ def cell_energy(
         for k in range(first, last):
             a = cell_vertices[k]
             b = cell_vertices[k + 1] if k + 1 < last else cell_vertices[first]
-            ux, uy = xy[b, 0] - xy[a, 0], xy[b, 1] - xy[a, 1]
-            wx, wy = xy[d, 0] - xy[a, 0], xy[d, 1] - xy[a, 1]
-            det = ux * wy - uy * wx
-            uu, ww = ux * ux + uy * uy, wx * wx + wy * wy
-            scale = SINE_60 if triangle else 1.0
-            f = 0.5 * (uu + ww) / det
-            if triangle:
-                f = INV_ROOT3 * (uu + ww - ux * wx - uy * wy) / (3.0 * det)
-            worst = max(worst, scale * math.sqrt(uu * ww) / det if det > 0.0 else np.inf)
-            total += f if det > 0.0 else np.inf
+            if movable[a] or movable[b] or movable[d]:
+                ux, uy = xy[b, 0] - xy[a, 0], xy[b, 1] - xy[a, 1]
+                wx, wy = xy[d, 0] - xy[a, 0], xy[d, 1] - xy[a, 1]
+                det = ux * wy - uy * wx
+                uu, ww = ux * ux + uy * uy, wx * wx + wy * wy
+                if not det > 0.0:
+                    worst, total = np.inf, np.inf
+                elif triangle:
+                    worst = max(worst, SINE_60 * math.sqrt(uu * ww) / det)
+                    total += INV_ROOT3 * (uu + ww - ux * wx - uy * wy) / det
+                else:
+                    worst = max(worst, math.sqrt(uu * ww) / det)
+                    total += 0.5 * (uu + ww) / det
             d = a
         badness[c] = worst
-        shape[c] = total
+        shape[c] = total / (last - first)

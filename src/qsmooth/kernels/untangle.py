@@ -13,9 +13,10 @@ import math
 import numpy as np
 from numba import prange
 
-from qsmooth._types import FloatArray, IndexArray, TableArray
+from qsmooth._types import BoolArray, FloatArray, IndexArray, TableArray
 from qsmooth.kernels._jit import helper, lane_helper, parallel_kernel
 from qsmooth.kernels.blocks import FIRST, LANES, N_QUADS, N_TRIANGLES, SIZE, STAR
+from qsmooth.kernels.geometry import orientation
 from qsmooth.kernels.newton import (
     ENERGY, FRACTIONS, GX, GY, HXX, HXY, HYY, INV_ROOT3, PX, PY, ROW, ROW2, ROW3, ROW4, ROW5, ROW6,
     SX, SY, TODO, TRIAL, X, Y, gather_block, newton_step, start_trial,
@@ -247,3 +248,28 @@ def mean_squared_edge(
             dx, dy = xy[w, 0] - xy[v, 0], xy[w, 1] - xy[v, 1]
             total += dx * dx + dy * dy
         out[v] = total / (last - first) if last > first else 0.0
+
+
+@parallel_kernel()
+def hopeless_cells(
+    xy: FloatArray, cell_offsets: IndexArray, cell_vertices: IndexArray, movable: BoolArray,
+    out: BoolArray,
+) -> None:  # fmt: skip
+    """Mark cells with a corner that is not positive and whose three vertices can't move.
+
+    Parameters
+    ----------
+    out : (n_cells,)
+        Overwritten.
+    """
+    for c in prange(out.size):
+        first, last = cell_offsets[c], cell_offsets[c + 1]
+        out[c] = False
+        d = cell_vertices[last - 1]
+        for k in range(first, last):
+            a = cell_vertices[k]
+            b = cell_vertices[k + 1] if k + 1 < last else cell_vertices[first]
+            if not (movable[a] or movable[b] or movable[d]):
+                turn = orientation(xy[d, 0], xy[d, 1], xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1])
+                out[c] = out[c] or turn <= 0
+            d = a

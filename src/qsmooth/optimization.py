@@ -1,0 +1,382 @@
+"""The optimiser: untangle, improve the mean shape, then the worst cells; and know when to stop."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from qsmooth._types import FloatArray
+from qsmooth.mesh import Mesh, Schedule
+from qsmooth.metrics import Quality, Validity
+
+# Multiple of the Newton step that is tried first: neighbours follow the same way in their turn.
+RELAXATION = 1.7
+# Sweeps between two looks at the mesh.
+ROUND = 10
+# An energy that fell by less than this fraction in a round has settled.
+SETTLED = 1e-5
+# Before the worst cells are seen to, the mean gets this many rounds, or settles to this.
+MEAN_ROUNDS = 12
+MEAN_GAIN = 1e-4
+# Stages of the worst cells: power 2 ** squarings of the wall, and where it stands as a fraction of the
+# worst corner's badness. The last one gives back what the mean need not have paid.
+WALLS = ((2, 0.7), (3, 0.8), (4, 0.85), (5, 0.9), (6, 0.9), (6, 0.95))
+# Rounds without a better result after which the next wall is put up.
+WALL_PATIENCE = 2
+# Share of the best mean shape that the worst cells may cost.
+MEAN_LOSS = 0.1
+# A result that is better by less than this in every figure is not worth moving a vertex for.
+LEAST_GAIN = 1e-3
+# Sweeps without any progress after which untangling gives up.
+UNTANGLE_PATIENCE = 400
+# Sweeps of the logarithmic mean that makes the local size smooth.
+SIZE_RINGS = 3
+
+
+@dataclass
+class Figures:
+    """The four figures that a result must not lower, and the count of cells that are not valid."""
+
+    min_angle: float
+    max_angle: float
+    scaled_jacobian: float
+    shape: float
+    n_invalid: int
+
+    @classmethod
+    def of(cls, mesh: Mesh) -> Figures:
+        """Measure a mesh."""
+        quality = Quality(mesh)
+        return cls(
+            float(quality.min_angle.min()),
+            float(quality.max_angle.max()),
+            float(quality.scaled_jacobian.min()),
+            float(quality.shape.mean()),
+            quality.n_invalid,
+        )
+
+    def no_worse(self, other: Figures) -> bool:
+        """Whether none of the four figures is worse than the other's."""
+        return self.worst_no_worse(other) and self.shape >= other.shape
+
+    def worst_no_worse(self, other: Figures) -> bool:
+        """Whether the worst cells are no worse than the other's."""
+        return (
+            self.n_invalid <= other.n_invalid
+            and self.min_angle >= other.min_angle
+            and self.max_angle <= other.max_angle
+            and self.scaled_jacobian >= other.scaled_jacobian
+        )
+
+    def gain(self, other: Figures) -> float:
+        """Largest gain over the other in any figure; angles count in radians."""
+        return max(
+            float(np.radians(self.min_angle - other.min_angle)),
+            float(np.radians(other.max_angle - self.max_angle)),
+            self.scaled_jacobian - other.scaled_jacobian,
+            self.shape - other.shape,
+        )
+
+
+@dataclass
+class Options:
+    """Checked options of the optimiser."""
+
+    objective: str = "shape"
+    worst: bool = True
+    target_quality: float | None = None
+    time_limit: float | None = None
+    max_sweeps: int = 5000
+    mean_loss: float = MEAN_LOSS
+
+
+@dataclass
+class Progress:
+    """What the optimiser has done so far, and its clock."""
+
+    options: Options
+    callback: Callable[[FloatArray, FloatArray], None]
+    sweeps: int = 0
+    parts: list[str] = field(default_factory=list)
+    started: float = field(default_factory=time.perf_counter)
+    limit: str = ""
+
+    def spent(self) -> bool:
+        """Whether a limit that the caller set is reached."""
+        if self.sweeps >= self.options.max_sweeps:
+            self.limit = f"max_sweeps={self.options.max_sweeps} was reached"
+        elif (
+            self.options.time_limit is not None
+            and time.perf_counter() - self.started >= self.options.time_limit
+        ):
+            self.limit = f"the time limit of {self.options.time_limit:g} s was reached"
+        return bool(self.limit)
+
+
+class Blocks:
+    """The movable vertices of a mesh in blocks of lanes, and the sweeps over them."""
+
+    def __init__(self, mesh: Mesh, schedule: Schedule) -> None:
+        from qsmooth.kernels.blocks import build_blocks
+
+        self.mesh = mesh
+        self.cells = mesh.cell_offsets, mesh.cell_vertices
+        self.movable = np.zeros(mesh.n_vertices, np.bool_)
+        self.movable[schedule.vertices] = True
+        colour_blocks, blocks, vertices, stars, _ = build_blocks(
+            schedule.colour_offsets, schedule.vertices, schedule.offsets, schedule.corners
+        )
+        self._arguments = colour_blocks, blocks, vertices, stars, schedule.largest_star
+        self.moves = np.zeros(vertices.size)
+        self._badness, self._shape = np.empty(mesh.n_cells), np.empty(mesh.n_cells)
+
+    def newton(
+        self, xy: FloatArray, mean_weight: float, limit: float, squarings: int, sweeps: int
+    ) -> None:
+        """Sweep downhill on mean_weight · f + (g / limit)^(2^squarings)."""
+        from qsmooth.kernels.newton import newton_sweep
+
+        for _ in range(sweeps):
+            newton_sweep(
+                xy, *self._arguments, RELAXATION, mean_weight, limit, squarings, self.moves
+            )
+
+    def untangle(self, xy: FloatArray, sizes: FloatArray, epsilon: float) -> None:
+        """Sweep once downhill on the regularised energy."""
+        from qsmooth.kernels.untangle import untangle_sweep
+
+        untangle_sweep(xy, *self._arguments, RELAXATION, sizes, epsilon, self.moves)
+
+    def energy(self, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Largest badness and summed shape energy of each cell."""
+        from qsmooth.kernels.newton import cell_energy
+
+        cell_energy(xy, *self.cells, self.movable, self._badness, self._shape)
+        return self._badness, self._shape
+
+
+def optimize(mesh: Mesh, xy: FloatArray, schedule: Schedule, progress: Progress) -> FloatArray:
+    """Improve coordinates by all stages; return the best place that was seen.
+
+    Parameters
+    ----------
+    mesh
+        The mesh; its own coordinates are what the result must not be worse than.
+    xy : (n_vertices, 2)
+        Where to begin. Overwritten.
+    schedule
+        The movable vertices.
+    progress
+        Options, callback and clock; sweeps and what was done are noted there.
+    """
+    options = progress.options
+    blocks = Blocks(mesh, schedule)
+    best = _Best(mesh, options)
+    if best.given.n_invalid:
+        untangle(blocks, xy, progress)
+        best.restart(xy)
+    _mean_stage(blocks, xy, best, progress)
+    if options.worst and not best.reached_target():
+        _worst_stage(blocks, xy, best, progress)
+    progress.parts += best.verdict()
+    return best.xy
+
+
+class _Best:
+    """The best coordinates so far, by the promise that no figure gets worse than it was."""
+
+    def __init__(self, mesh: Mesh, options: Options) -> None:
+        self.mesh, self.options = mesh, options
+        self.given = Figures.of(mesh)
+        self.xy, self.figures = mesh.xy.copy(), self.given
+        self._given_xy = mesh.xy.copy()
+        self.best_shape = self.given.shape if self.given.n_invalid == 0 else 0.0
+        self.updates = 0
+        # The worst cells first: what to take where nothing keeps all four figures.
+        self._trade: tuple[FloatArray, Figures] | None = None
+
+    def restart(self, xy: FloatArray) -> None:
+        """Take these coordinates as the ones that the result must not be worse than."""
+        self.given = self.figures = Figures.of(self.mesh._at_xy(xy))
+        self.xy[:] = xy
+        self._given_xy = xy.copy()
+        self.best_shape = self.given.shape
+
+    def offer(self, xy: FloatArray) -> Figures:
+        """Measure coordinates, and keep them if they are the best."""
+        now = Figures.of(self.mesh._at_xy(xy))
+        self.best_shape = max(self.best_shape, now.shape)
+        fewer = now.n_invalid < self.figures.n_invalid
+        affordable = now.shape >= self.floor()
+        if fewer or (now.no_worse(self.given) and affordable and self._better(now, self.figures)):
+            self.updates += now.scaled_jacobian > self.figures.scaled_jacobian + LEAST_GAIN
+            self.xy[:], self.figures = xy, now
+        elif now.worst_no_worse(self.given) and affordable and now.n_invalid == 0:
+            if self._trade is None or self._better(now, self._trade[1]):
+                then = self.given if self._trade is None else self._trade[1]
+                self.updates += now.scaled_jacobian > then.scaled_jacobian + LEAST_GAIN
+                self._trade = xy.copy(), now
+        return now
+
+    def floor(self) -> float:
+        """Mean shape that the worst cells may not cost more than."""
+        return (1.0 - self.options.mean_loss) * self.best_shape
+
+    def _better(self, now: Figures, then: Figures) -> bool:
+        """Whether the worst cell is better, or about as good with a better mean."""
+        if now.n_invalid != then.n_invalid:
+            return now.n_invalid < then.n_invalid
+        gain = now.scaled_jacobian - then.scaled_jacobian
+        return gain > LEAST_GAIN or (gain > -LEAST_GAIN and now.shape > then.shape)
+
+    def reached_target(self) -> bool:
+        """Whether the smallest scaled Jacobian is what the caller asked for."""
+        target = self.options.target_quality
+        return target is not None and self.figures.scaled_jacobian >= target
+
+    def verdict(self) -> list[str]:
+        """Settle on the result, and say what it had to give up."""
+        if self.figures.gain(self.given) < LEAST_GAIN:
+            trade = self._trade
+            if trade is not None and (
+                trade[1].scaled_jacobian > self.given.scaled_jacobian + 10.0 * LEAST_GAIN
+            ):
+                self.xy, self.figures = trade
+                return [
+                    "the worst cell went first: mean shape "
+                    f"{self.given.shape:.3f} -> {self.figures.shape:.3f}"
+                ]
+            self.xy, self.figures = self._given_xy, self.given
+            return ["nothing more was to gain"]
+        return []
+
+
+def untangle(blocks: Blocks, xy: FloatArray, progress: Progress) -> bool:
+    """Sweep until every cell is valid; else leave the coordinates with the fewest invalid cells.
+
+    Returns
+    -------
+    bool
+        Whether the mesh is valid now.
+    """
+    from qsmooth.kernels.untangle import smallest_determinant
+
+    mesh = blocks.mesh
+    sizes = _local_sizes(mesh)
+    smallest = np.empty(mesh.n_cells)
+    best_count, best_xy = _n_invalid(mesh, xy), xy.copy()
+    given = best_count
+    floor, least, patience, first = 1e-4, -np.inf, UNTANGLE_PATIENCE, progress.sweeps
+    while best_count and not progress.spent():
+        smallest_determinant(xy, *blocks.cells, sizes, smallest)
+        worst = float(smallest.min())
+        if worst > least + 1e-3 * abs(least):
+            least, patience = worst, UNTANGLE_PATIENCE
+        elif patience == 0 and floor > 1e-9:  # a sharper wall, once the soft one gains no more
+            floor, least, patience = 0.01 * floor, worst, UNTANGLE_PATIENCE
+        elif patience == 0:
+            break
+        patience -= 1
+        epsilon = float(np.sqrt(floor + 0.04 * min(0.0, worst) ** 2))
+        blocks.untangle(xy, sizes, epsilon)
+        progress.sweeps += 1
+        if progress.sweeps % ROUND == 0:
+            progress.callback(xy, blocks.moves)
+        if worst > 0.0 or progress.sweeps % ROUND == 0 or (smallest <= 0.0).sum() < best_count:
+            count = _n_invalid(mesh, xy)
+            if count < best_count:
+                best_count, best_xy[:] = count, xy
+    xy[:] = best_xy
+    sweeps = progress.sweeps - first
+    if best_count == 0:
+        progress.parts.append(f"untangled {given} cells in {sweeps} sweeps")
+    else:
+        progress.parts.append(_what_stays_invalid(blocks, xy, best_count, given))
+    return best_count == 0
+
+
+def _mean_stage(blocks: Blocks, xy: FloatArray, best: _Best, progress: Progress) -> None:
+    """Sweep downhill on the mean shape until it has settled."""
+    options = progress.options
+    settled = MEAN_GAIN if options.worst else SETTLED
+    first, energy = progress.sweeps, np.inf
+    while not progress.spent():
+        if options.worst and progress.sweeps - first >= MEAN_ROUNDS * ROUND:
+            break
+        blocks.newton(xy, 1.0, np.inf, 1, ROUND)
+        progress.sweeps += ROUND
+        progress.callback(xy, blocks.moves)
+        shape = blocks.energy(xy)[1]
+        now = float(shape[np.isfinite(shape)].sum())
+        best.offer(xy)
+        if now >= energy * (1.0 - settled) or best.reached_target():
+            break
+        energy = now
+    progress.parts.append(f"improved the mean shape in {progress.sweeps - first} sweeps")
+
+
+def _worst_stage(blocks: Blocks, xy: FloatArray, best: _Best, progress: Progress) -> None:
+    """Push the worst corners back with a wall that gets steeper, as long as the mean affords it."""
+    first, weight = progress.sweeps, 1.0
+    for squarings, share in WALLS:
+        patience, updates = WALL_PATIENCE, best.updates
+        while patience and not progress.spent() and not best.reached_target():
+            worst = _largest(blocks.energy(xy)[0])
+            blocks.newton(xy, weight, share * worst, squarings, ROUND)
+            progress.sweeps += ROUND
+            progress.callback(xy, blocks.moves)
+            now = best.offer(xy)
+            # Where the mean can't afford the wall, it gets a louder voice.
+            weight = 2.0 * weight if now.shape < best.floor() else max(1.0, 0.5 * weight)
+            patience = WALL_PATIENCE if best.updates > updates else patience - 1
+            updates = best.updates
+    progress.parts.append(f"then the worst cells in {progress.sweeps - first} sweeps")
+
+
+def _largest(badness: FloatArray) -> float:
+    return float(badness[np.isfinite(badness)].max(initial=1.0))
+
+
+def _n_invalid(mesh: Mesh, xy: FloatArray) -> int:
+    return Quality(mesh._at_xy(xy)).n_invalid
+
+
+def _local_sizes(mesh: Mesh) -> FloatArray:
+    """Mean squared edge length at each vertex, (n,), made smooth over a few rings."""
+    from qsmooth.kernels.untangle import mean_squared_edge, spread_logarithms
+
+    sizes, spread = np.empty(mesh.n_vertices), np.empty(mesh.n_vertices)
+    rings = mesh.ring_offsets, mesh.ring_vertices
+    mean_squared_edge(mesh.xy, *rings, sizes)
+    with np.errstate(divide="ignore"):
+        logarithms = np.log(sizes)
+    for _ in range(SIZE_RINGS):
+        spread_logarithms(*rings, logarithms, spread)
+        logarithms, spread = spread, logarithms
+    finite = logarithms[np.isfinite(logarithms)]
+    logarithms[~np.isfinite(logarithms)] = finite.mean() if finite.size else 0.0
+    return np.exp(logarithms)
+
+
+def _what_stays_invalid(blocks: Blocks, xy: FloatArray, count: int, given: int) -> str:
+    """Say which cells stay invalid, and for which of them that is proven."""
+    from qsmooth.kernels.untangle import hopeless_cells
+
+    mesh = blocks.mesh
+    invalid = Quality(mesh._at_xy(xy)).validity != Validity.VALID
+    hopeless = np.empty(mesh.n_cells, np.bool_)
+    hopeless_cells(xy, *blocks.cells, blocks.movable, hopeless)
+    first = int(np.argmax(invalid))
+    text = f"{count} of {given} invalid cells stay invalid, the first is cell {first}"
+    proven = int((hopeless & invalid).sum())
+    if proven:
+        text += (
+            f"; for {proven} of them nothing can help, as the vertices of a corner that is not "
+            f"convex are all fixed (the first is cell {int(np.argmax(hopeless & invalid))})"
+        )
+    if proven < count:
+        text += f"; for {count - proven} no way was found, which does not prove that there is none"
+    return text
