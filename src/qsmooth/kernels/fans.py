@@ -1,0 +1,99 @@
+"""Bounds on angles: how the angle at a vertex is shared out among the cells around it."""
+
+import math
+
+import numpy as np
+from numba import prange
+
+from qsmooth._types import BoolArray, FloatArray, IndexArray
+from qsmooth.kernels._jit import helper, parallel_kernel
+
+FULL_TURN = 360.0
+
+
+@helper()
+def _direction(xy: FloatArray, v: int, w: int) -> float:
+    return math.degrees(math.atan2(xy[w, 1] - xy[v, 1], xy[w, 0] - xy[v, 0]))
+
+
+@helper()
+def _turn(start: float, stop: float) -> float:
+    """Angle from one direction counter-clockwise to another, in (0, 360]."""
+    turn = stop - start
+    if turn <= 0.0:
+        turn += FULL_TURN
+    return turn
+
+
+@parallel_kernel()
+def angle_bounds(
+    xy: FloatArray,
+    cell_offsets: IndexArray,
+    cell_vertices: IndexArray,
+    corner_cells: IndexArray,
+    twins: IndexArray,
+    star_offsets: IndexArray,
+    star_corners: IndexArray,
+    movable: BoolArray,
+    smallest: FloatArray,
+    largest: FloatArray,
+) -> None:
+    """Bound the smallest and the largest angle at each vertex.
+
+    Between two fixed edges that follow each other round a fixed vertex lie d cells and an angle θ
+    that nothing can change. So one of the d angles is at most θ / d, and one at least. Round a vertex
+    without a fixed edge θ is 360°.
+
+    Parameters
+    ----------
+    corner_cells, twins : (n_corners,)
+        Cell of each corner position, and the corner position of each side in the neighbour.
+    star_offsets, star_corners : (n_vertices + 1,), (n_corners,)
+        CSR map from a vertex to its corner positions.
+    movable : (n_vertices,)
+        Vertices that may move.
+    smallest, largest : (n_vertices,)
+        Overwritten. Degrees: the least θ / d and the largest one; 360 and 0 where there is no cell.
+    """
+    for v in prange(smallest.size):
+        smallest[v], largest[v] = FULL_TURN, 0.0
+        for start in range(star_offsets[v], star_offsets[v + 1]):
+            # A run of cells begins at a fixed edge: on the boundary, or between fixed vertices.
+            k = star_corners[start]
+            c = corner_cells[k]
+            first, last = cell_offsets[c], cell_offsets[c + 1]
+            w = cell_vertices[k + 1 if k + 1 < last else first]
+            if movable[v] or movable[w]:
+                continue
+            begin, count = w, 0
+            while True:
+                c = corner_cells[k]
+                first, last = cell_offsets[c], cell_offsets[c + 1]
+                count += 1
+                side = k - 1 if k > first else last - 1
+                w = cell_vertices[side]
+                k = twins[side]
+                if k < 0 or not movable[w]:
+                    break
+            if movable[w]:  # an open end that may move: it bounds nothing
+                continue
+            if w == begin and count == star_offsets[v + 1] - star_offsets[v] and k >= 0:
+                angle = FULL_TURN
+            else:
+                angle = _turn(_direction(xy, v, begin), _direction(xy, v, w))
+            smallest[v] = min(smallest[v], angle / count)
+            largest[v] = max(largest[v], angle / count)
+        n_cells = star_offsets[v + 1] - star_offsets[v]
+        if largest[v] == 0.0 and n_cells > 0:
+            # No fixed edge: a full turn, if the cells close round the vertex.
+            k, count = star_corners[star_offsets[v]], 0
+            begin = k
+            while True:
+                c = corner_cells[k]
+                side = k - 1 if k > cell_offsets[c] else cell_offsets[c + 1] - 1
+                count += 1
+                k = twins[side]
+                if k < 0 or k == begin:
+                    break
+            if k == begin and count == n_cells:
+                smallest[v] = largest[v] = FULL_TURN / count
