@@ -31,8 +31,9 @@ class Mesh:
     """A 2D mesh of quadrilaterals, triangles or both.
 
     Input is copied and checked; connectivity can't be changed afterwards. Inside, cells are turned
-    to run alike: neighbours first, then each edge-connected part to the sign of area that most of
-    its cells have. So a mesh that is clockwise as a whole, or by parts, is a valid mesh.
+    to run alike: neighbours first, then each edge-connected part such that its area, which its
+    boundary alone decides, is positive. So a mesh that is clockwise as a whole, or by parts, is a
+    valid mesh.
 
     Parameters
     ----------
@@ -367,7 +368,7 @@ class _Topology:
                 "the cells can't be oriented alike (a Möbius strip): going round, "
                 f"cell {conflict} meets itself turned over"
             )
-        kernels.turn_to_majority(xy, self.cell_offsets, given, parts, n_parts, turned)
+        kernels.turn_parts(xy, self.cell_offsets, given, parts, n_parts, turned)
         self.n_parts = n_parts
         self.turned = _read_only(turned)
         self.any_turned = bool(turned.any())

@@ -236,7 +236,7 @@ def orient_parts(
 
 
 @kernel()
-def turn_to_majority(
+def turn_parts(
     xy: FloatArray,
     cell_offsets: IndexArray,
     cell_vertices: IndexArray,
@@ -244,13 +244,16 @@ def turn_to_majority(
     n_parts: int,
     turned: BoolArray,
 ) -> None:
-    """Turn whole parts such that most of their cells have positive area.
+    """Turn whole parts such that their area is positive.
+
+    The sum of a part's signed areas depends on its boundary alone. So it tells which way the cells
+    have to run however tangled the interior is, where a vote of the cells can go wrong.
 
     Parameters
     ----------
     turned : (n_cells,)
-        As `orient_parts` gives it; overwritten. Where as many cells are positive as negative, the
-        sum of the areas decides; where that is zero too, the part stays as it was given.
+        As `orient_parts` gives it; overwritten. Where the area is zero, the sign that most cells
+        have decides; where there is none, the part stays as it was given.
     """
     votes = np.zeros(n_parts, np.int64)
     areas = np.zeros(n_parts)
@@ -267,7 +270,7 @@ def turn_to_majority(
         votes[parts[c]] += 1 if area > 0.0 else (-1 if area < 0.0 else 0)
     for c in range(turned.size):
         p = parts[c]
-        if votes[p] < 0 or (votes[p] == 0 and areas[p] < 0.0):
+        if areas[p] < 0.0 or (areas[p] == 0.0 and votes[p] < 0):
             turned[c] = not turned[c]
 
 
