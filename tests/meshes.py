@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from qsmooth import Mesh
 
-
 # ------------------------------------------------------------------------------- connectivity
 
 
@@ -22,6 +21,14 @@ def grid(nx: int, ny: int):
     ids = np.arange((nx + 1) * (ny + 1)).reshape(ny + 1, nx + 1)
     quads = np.stack([ids[:-1, :-1], ids[:-1, 1:], ids[1:, 1:], ids[1:, :-1]], axis=-1)
     return np.stack([x.ravel(), y.ravel()], axis=1), [quads.reshape(-1, 4)]
+
+
+def rough_grid(n: int):
+    """Squares, any number of them, moved at random but convex still."""
+    points, cells = grid(n, n)
+    inner = ((points > 0) & (points < n)).all(axis=1)
+    rng = np.random.default_rng(0)
+    return points + rng.uniform(-0.2, 0.2, points.shape) * inner[:, None], cells
 
 
 def split(quads, choice):
@@ -236,8 +243,11 @@ def random_mesh(
     return RandomMesh(kind, size, seed, amount, scale, shift, turned, turn, points, cells)
 
 
+SIZES = st.integers(2, 7)
+
+
 @st.composite
-def random_meshes(draw, sizes=st.integers(2, 7)):
+def random_meshes(draw, sizes=SIZES):
     """Valid meshes of every kind, at every scale and place, numbered and turned anyhow."""
     scale = draw(st.sampled_from([1.0, 1e-9, 1e-3, 500.0, 1e30]))
     # Near 6e6 the numbers are 1e-9 apart: smaller cells would not be valid there.

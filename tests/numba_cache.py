@@ -12,7 +12,7 @@ from pathlib import Path
 
 
 def key_cache() -> Path:
-    """Point NUMBA_CACHE_DIR at the folder for these sources; to be called before Numba is imported."""
+    """Point NUMBA_CACHE_DIR at the folder for these sources; call it before Numba is imported."""
     spec = importlib.util.find_spec("qsmooth")
     assert spec is not None
     assert spec.origin is not None

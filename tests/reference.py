@@ -1,7 +1,7 @@
 """Slow, obvious versions of what the kernels do, to agree with.
 
-Points are complex numbers, cells are lists of vertex ids that run counter-clockwise, signs come from
-fractions. Nothing here is shared with the package.
+Points are complex numbers, cells are lists of vertex ids that run counter-clockwise, signs come
+from fractions. Nothing here is shared with the package.
 """
 
 import cmath
@@ -81,9 +81,7 @@ def fan(v, cells):
 
 def determinant(a: complex, b: complex, c: complex) -> Fraction:
     """Twice the signed area of a triangle, exactly."""
-    ax, ay, bx, by, cx, cy = (
-        Fraction(t) for t in (a.real, a.imag, b.real, b.imag, c.real, c.imag)
-    )
+    ax, ay, bx, by, cx, cy = (Fraction(t) for t in (a.real, a.imag, b.real, b.imag, c.real, c.imag))
     return (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
 
 
@@ -121,16 +119,14 @@ def validity(points, cell) -> int:
 
 def corner_angle(v: complex, b: complex, d: complex) -> float:
     """Degrees in [0, 360) from the next vertex b round to the previous vertex d; None undefined."""
-    if v == b or v == d:
+    if v in (b, d):
         return None
     angle = math.degrees(cmath.phase((d - v) * (b - v).conjugate()))
     return angle % 360.0 if angle % 360.0 < 360.0 else 0.0
 
 
 def angles(points, cell) -> list[float]:
-    return [
-        corner_angle(points[v], points[b], points[d]) or 0.0 for v, b, d in corners(cell)
-    ]
+    return [corner_angle(points[v], points[b], points[d]) or 0.0 for v, b, d in corners(cell)]
 
 
 def aspect_ratio(points, cell) -> float:
@@ -195,9 +191,7 @@ def tolerance(points, v, cells) -> float:
     """What a clearance may fall by: section 3's τ."""
     star = fan(v, cells)
     longest = max(abs(points[w] - points[v]) for cell in star for w in (cell[1], cell[-1]))
-    largest = max(
-        abs(t) for cell in star for w in cell for t in (points[w].real, points[w].imag)
-    )
+    largest = max(abs(t) for cell in star for w in cell for t in (points[w].real, points[w].imag))
     return max(1e-12 * longest, 16.0 * math.ulp(largest))
 
 
@@ -332,9 +326,7 @@ def quad_sweep(points, cells, order, options) -> list[complex]:
     steps = {v: mean_of_accepted(points, v, cells, places[v]) - points[v] for v in order}
     points = list(points)
     for v in order:
-        points[v] = allowed(
-            points, v, cells, points[v] + steps[v], options, check_clearance=True
-        )
+        points[v] = allowed(points, v, cells, points[v] + steps[v], options, check_clearance=True)
     return points
 
 

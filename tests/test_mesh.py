@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+
 import reference
 from meshes import grid, random_mesh, tilt, turn_cells
 from qsmooth import Mesh, MeshError, Validity, quality, smooth_star

@@ -330,8 +330,15 @@ def _whole(*meshes: Mesh) -> FloatArray:
     used = np.diff(meshes[0].star_offsets) > 0
     low = np.min([mesh.xy[used].min(axis=0) for mesh in meshes], axis=0)
     high = np.max([mesh.xy[used].max(axis=0) for mesh in meshes], axis=0)
-    margin = 0.02 * max(float((high - low).max()), np.finfo(float).tiny)
+    margin = 0.02 * _extent(low, high)
     return np.array([low - margin, high + margin])
+
+
+def _extent(low: FloatArray, high: FloatArray) -> float:
+    """Larger side of a box; of a mesh that is collapsed to a point, something to draw in."""
+    extent = float((high - low).max())
+    largest = float(max(np.abs(low).max(), np.abs(high).max()))
+    return extent if extent > 1e-12 * largest else (1e-6 * largest or 1.0)
 
 
 def _centres(mesh: Mesh) -> FloatArray:
@@ -352,8 +359,8 @@ def _around(mesh: Mesh, cell: int, slope: float = 1.0) -> FloatArray:
     near = _nearest(_centres(mesh), cell)
     corners = np.concatenate([part.reshape(-1, 2) for part in _polygons(mesh, near)])
     low, high = corners.min(axis=0), corners.max(axis=0)
-    span = np.maximum(high - low, np.finfo(float).tiny)
-    width = 1.02 * max(float(span[0]), float(span[1]) / slope)
+    width = max(float(high[0] - low[0]), float(high[1] - low[1]) / slope)
+    width = 1.02 * (width if width > 0.0 else _extent(low, high))
     half = 0.5 * np.array([width, slope * width])
     middle = low + 0.5 * (high - low)
     return np.array([middle - half, middle + half])
@@ -404,7 +411,7 @@ def _new_figure(width: float, height: float) -> Figure:
 
 def _figure(n_panels: int, window: FloatArray, *, colours: bool) -> tuple[Figure, list[Axes]]:
     """Panels side by side, or one above the other where the window is wide."""
-    width, height = np.maximum(np.ptp(window, axis=0), np.finfo(float).tiny)
+    width, height = np.ptp(window, axis=0)
     slope = float(np.clip(height / width, 0.1, 4.0))
     below = n_panels > 1 and slope < 0.55
     columns, rows = (1, n_panels) if below else (n_panels, 1)
@@ -438,7 +445,7 @@ def _line_width(axes: Axes, mesh: Mesh, cells: IndexArray, window: FloatArray) -
     box = axes.get_position()
     figure: Any = axes.figure
     points = 72.0 * box.width * figure.get_size_inches()[0]
-    across = points * size / max(float(np.ptp(window[:, 0])), np.finfo(float).tiny)
+    across = points * size / float(np.ptp(window[:, 0]))
     return float(np.clip(0.045 * across, 0.0, 0.8)) if across > 1.6 else 0.0
 
 
@@ -482,7 +489,7 @@ def _outline(axes: Axes, mesh: Mesh, cells: IndexArray, window: FloatArray) -> N
             )
     if not len(cells):
         return
-    extent = max(float(np.ptp(window, axis=0).max()), np.finfo(float).tiny)
+    extent = float(np.ptp(window, axis=0).max())
     polygons = [corners for part in _polygons(mesh, cells) for corners in part]
     small = [p.mean(axis=0) for p in polygons if np.ptp(p, axis=0).max() < 0.02 * extent]
     if small:

@@ -8,6 +8,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from qsmooth.metrics import HIGHER_IS_BETTER, Histogram, Quality, Summary, Validity
 
 if TYPE_CHECKING:
@@ -129,16 +131,27 @@ class Table:
         from rich.table import Table as RichTable
         from rich.text import Text
 
-        table = RichTable(box=box.SIMPLE_HEAD, caption=self.note or None, caption_justify="left")
+        table = RichTable(
+            box=box.SIMPLE_HEAD,
+            caption=self.note or None,
+            caption_justify="left",
+            collapse_padding=True,
+            pad_edge=False,
+        )
         if self.title:
             table.title, table.title_justify = Text(self.title, style="bold"), "left"
         table.show_header = any(self.columns)
         table.add_column("", no_wrap=True)
-        for name in self.columns:
+        for k, name in enumerate(self.columns):
+            values = [
+                self._marked(section, row)[k] for section in self.sections for row in section.rows
+            ]
             table.add_column(
                 name,
                 justify="left" if self.left else "right",
-                no_wrap=not self.left,
+                # Where room is short names are broken, and texts, but no number.
+                min_width=0 if self.left else max(map(len, values), default=0),
+                overflow="fold",
                 header_style="bold",
             )
         for n, section in enumerate(self.sections):
@@ -298,12 +311,15 @@ def worst_table(quality: Quality, k: int, by: str) -> Table:
     """List the worst cells with their places and metrics."""
     worst = quality.worst(k, by)
     validity = quality.validity[worst.cells]
-    axes = "xyz"[: worst.centres.shape[1]]
+    centres = worst.centres
+    if centres.shape[1] == 3 and len(centres) and np.ptp(centres[:, 2]) == 0.0:
+        centres = centres[:, :2]  # a level mesh, most likely
+    axes = "xyz"[: centres.shape[1]]
     rows = tuple(
         Row(
             f"cell {cell}",
             (
-                *(f"{value:.8g}" for value in worst.centres[n]),
+                *(f"{value:.8g}" for value in centres[n]),
                 *(metric_text(name, float(worst.values[name][n])) for name in HIGHER_IS_BETTER),
                 Validity(int(validity[n])).name.lower(),
             ),

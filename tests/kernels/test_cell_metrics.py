@@ -4,9 +4,10 @@ import math
 
 import numpy as np
 import pytest
-import reference
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+
+import reference
 from qsmooth.kernels import cell_metrics
 
 ROOT2, ROOT3 = math.sqrt(2.0), math.sqrt(3.0)

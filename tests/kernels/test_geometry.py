@@ -4,9 +4,10 @@ import math
 
 import numpy as np
 import pytest
-import reference
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
+
+import reference
 from qsmooth.kernels import geometry
 
 UNIT = 2.0**-53
@@ -28,9 +29,7 @@ def nearly_straight(draw):
     ax, ay = base, base
     bx, by = base + size * dx, base + size * dy
     cx, cy = ax + t * (bx - ax), ay + t * (by - ay)
-    return [
-        x + n * math.ulp(x) for x, n in zip((ax, ay, bx, by, cx, cy), ulps, strict=True)
-    ]
+    return [x + n * math.ulp(x) for x, n in zip((ax, ay, bx, by, cx, cy), ulps, strict=True)]
 
 
 def ordinary_float(x):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 import reference
 from meshes import KINDS, fan, grid, random_mesh
 from qsmooth import Mesh, smooth, smooth_laplacian

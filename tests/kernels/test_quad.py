@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+
 import reference
 from meshes import KINDS, grid, random_mesh
 from qsmooth import Mesh, smooth
@@ -59,8 +60,8 @@ def test_a_square_grid_wants_nothing():
 
 @pytest.mark.nojit
 def test_a_corner_on_the_boundary_shrinks_its_diagonal():
-    # The corner's height is 0.2·√2, so that 120° wants a diagonal of 0.4·√2·tan 60°; the centre goes
-    # a quarter of the rest towards the origin. To even itself out it would have to lose clearance.
+    # The corner's height is 0.2·√2, so that 120° wants a diagonal of 0.4·√2·tan 60°; the centre
+    # goes a quarter of the rest towards the origin. Evening itself out would lose it clearance.
     wanted = propose(bent_corner(), active=[0])
     shrink = 0.25 * (ROOT2 - 0.4 * ROOT2 * math.tan(math.radians(60.0)))
     assert wanted[0] == pytest.approx((-shrink / ROOT2, -shrink / ROOT2), abs=1e-15)
@@ -113,8 +114,8 @@ def test_diagonals_stretch_by_half_the_step_at_most():
     ("step", "share"), [(0.4, 1.0), (0.9, 0.5), (1.3, 0.25), (2.5, 0.125), (9.0, 0.0)]
 )
 def test_commit_halves_a_step_until_the_clearance_is_kept(step, share):
-    # The centre goes left from (1.3, 1), where the diagonals on its right are 0.7/√2 away. After 0.6
-    # those on its left are as near: 0.9 is halved once, 1.3 twice, 2.5 three times, 9 gives up.
+    # The centre goes left from (1.3, 1), where the diagonals on its right are 0.7/√2 away. After
+    # 0.6 those on its left are as near: 0.9 is halved once, 1.3 twice, 2.5 three times, 9 stays.
     points, cells = grid(2, 2)
     points[4] = (1.3, 1.0)
     xy, moves, shares = commit(Mesh(points, cells), [(-step, 0.0)])

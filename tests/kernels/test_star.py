@@ -5,8 +5,9 @@ import math
 
 import numpy as np
 import pytest
+
 import reference
-from meshes import KINDS, fan, grid, random_mesh
+from meshes import KINDS, grid, random_mesh
 from qsmooth import Mesh, smooth
 from qsmooth.kernels.moves import thresholds
 from qsmooth.kernels.star import star_sweep
@@ -31,7 +32,7 @@ def sweep(mesh, *, step=0.5, good=math.nan, active=None, angles=(120.0, 60.0, 90
 
 
 def four_squares(centre, **outer):
-    """Two by two unit squares with vertex 4 at `centre`; cells: lower left, lower right, upper ..."""
+    """Two by two unit squares, cell 0 at the lower left, with vertex 4 at `centre`."""
     points, cells = grid(2, 2)
     points[4] = centre
     for name, place in outer.items():
@@ -102,9 +103,7 @@ def test_no_active_cell_proposes_nothing():
 
 def agree(mesh, xy, expected):
     size = np.ptp(mesh.xy, axis=0).max()
-    np.testing.assert_allclose(
-        xy, [(z.real, z.imag) for z in expected], rtol=0, atol=1e-11 * size
-    )
+    np.testing.assert_allclose(xy, [(z.real, z.imag) for z in expected], rtol=0, atol=1e-11 * size)
 
 
 @pytest.mark.nojit
@@ -118,7 +117,7 @@ def test_one_vertex_of_any_valence_agrees_with_the_reference(valence, kind, guar
     good = 0.5 if guard == "quality" else None
     for turn in range(6):  # of the ring, so that the corners differ
         rim = [points[0]] + [
-            z * (1.0 + 0.15 * math.cos(3.1 * k + turn)) * cmath.exp(0.07j * math.sin(5.3 * k + turn))
+            z * cmath.exp(0.15 * math.cos(3.1 * k + turn) + 0.07j * math.sin(5.3 * k + turn))
             for k, z in enumerate(points[1:])
         ]
         placed = mesh.with_points([(z.real, z.imag) for z in rim])

@@ -1,9 +1,12 @@
 """Connectivity against brute force, and orders and colours by their definition."""
 
+import itertools
+
 import numpy as np
 import pytest
-import reference
 from hypothesis import given
+
+import reference
 from meshes import KINDS, annulus, fan, grid, random_mesh, random_meshes, renumber, turn_cells
 from qsmooth import Mesh
 from qsmooth.kernels import topology
@@ -11,7 +14,7 @@ from qsmooth.kernels.topology import NO_VERTEX
 
 
 def rows(offsets, values):
-    return [values[a:b].tolist() for a, b in zip(offsets[:-1], offsets[1:], strict=True)]
+    return [values[a:b].tolist() for a, b in itertools.pairwise(offsets)]
 
 
 def given_cells(mesh):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import pairwise
 from typing import NoReturn
 
 import numpy as np
@@ -28,6 +29,7 @@ LINE = re.compile(
 )
 LINE3 = re.compile(r"(?:T[23]D3|B[23]2|SAX2|DC1D3)[A-Z]*$")
 POINT = re.compile(r"(?:MASS|ROTARYI|SPRING1|DASHPOT1|HEATCAP)$")
+LONGEST_RANGE = 10**7  # ids of one GENERATE; a damaged number must not fill the memory
 GENERATORS = ("NGEN", "NFILL", "NCOPY", "ELGEN", "ELCOPY", "NMAP")
 WRITTEN = {"triangle": "CPS3", "quad": "CPS4", "line": "T2D2"}
 
@@ -163,24 +165,24 @@ class _Reader:
             self.fail(begin, f"*{key} without {key}=")
         if "GENERATE" in options:
             members = []
-            for row, end in zip(*(self.rows(first, last)[s] for s in _PAIRS), strict=True):
+            for row, end in pairwise(self.rows(first, last).tolist()):
                 if end - row not in (2, 3):
                     self.text.fail(row, "GENERATE needs first, last and perhaps step")
                 start, stop, step = [*self.text.numbers(row, end, np.int64).tolist(), 1][:3]
-                if step < 1 or stop < start or (stop - start) // step > 10**9:
+                if step < 1 or stop < start or (stop - start) // step > LONGEST_RANGE:
                     self.text.fail(row, f"{start}, {stop}, {step}: no range")
                 members.append(np.arange(start, stop + 1, step))
         else:
-            try:
+            words = b" ".join(self.text.words(first, last))
+            members = []
+            if re.fullmatch(rb"[\d\s]*", words):
                 members = [self.text.numbers(first, last, np.int64)]
-            except MeshError:  # names of other sets among the ids
-                members = []
-                for word in self.text.words(first, last):
-                    name = word.decode("latin-1")
-                    if name.isdigit():
-                        members.append(np.array([int(name)]))
+            else:  # names of other sets among the ids
+                for word in words.split():
+                    if word.isdigit():
+                        members.append(np.array([int(word)]))
                     else:
-                        members += self.sets[key].get(name.upper(), [])
+                        members += self.sets[key].get(word.decode("latin-1").upper(), [])
         self.add(key, options, np.concatenate([np.empty(0, np.int64), *members]))
 
     def rows(self, first: int, last: int) -> IndexArray:
@@ -245,9 +247,6 @@ class _Reader:
             np.full(len(c), numbers.get(n, 0)) for n, (_, c) in zip(labels, blocks, strict=True)
         ]
         return tags, {name: (numbers[name], 2) for name in dict.fromkeys(of_faces)}
-
-
-_PAIRS = (slice(None, -1), slice(1, None))
 
 
 def _partition(

@@ -10,7 +10,7 @@ import numpy as np
 
 from qsmooth._types import FloatArray, IndexArray
 from qsmooth.errors import MeshError
-from qsmooth.io.splice import Splice
+from qsmooth.io.splice import Slots, Splice
 from qsmooth.io.text import line_of
 
 if TYPE_CHECKING:
@@ -122,6 +122,13 @@ class Document:
             With the number of offenders and the first of them.
         """
         n_vertices = len(self.points)
+        lost = ~np.isfinite(self.points).all(axis=1)
+        if lost.any():
+            vertex = int(np.argmax(lost))
+            where = f"vertex {vertex}"
+            if isinstance(self.slots, Slots) and self.slots.dtype is None:
+                where += f", line {line_of(self.data, int(self.slots.starts[vertex, 0]))}"
+            raise MeshError(f"{int(lost.sum())} vertices are not finite, the first is {where}")
         refused: dict[str, tuple[int, str]] = {}
         first_cell = 0
         for b, (kind, cells) in enumerate(self.blocks):

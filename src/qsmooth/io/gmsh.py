@@ -335,7 +335,9 @@ def write(document: Document) -> bytes:
     for b, kind, cells in blocks:
         n = len(cells)
         tags = np.zeros(n, np.int64) if document.tags is None else document.tags[b]
-        physical, geometrical = (document.cell_data.get(name, [tags] * (b + 1))[b] for name in TAGS)
+        physical, geometrical = (
+            document.cell_data[name][b] if name in document.cell_data else tags for name in TAGS
+        )
         head = np.repeat([[CODES[kind], 2]], n, axis=0)
         ids = np.arange(first, first + n)
         lines += rows_of(ids, head, physical, geometrical, cells + 1)

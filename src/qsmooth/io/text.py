@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import warnings
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from itertools import pairwise
@@ -174,12 +173,14 @@ class Text:
 
 def _from_text(piece: bytes, dtype: Any) -> npt.NDArray[Any] | None:
     """All of the numbers in `piece`, None where it holds something else."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        try:
-            return np.fromstring(piece, dtype, sep=" ")
-        except (ValueError, DeprecationWarning):
-            return None
+    # NumPy stops at what is no number and only warns (later versions may raise): a number set at
+    # the end tells whether it came so far, without touching the filters of warnings, which all
+    # threads share.
+    try:
+        values = np.fromstring(piece + b" 7", dtype, sep=" ")
+    except (ValueError, DeprecationWarning):
+        return None
+    return values[:-1] if len(values) and values[-1] == 7 else None
 
 
 def _shown(word: bytes) -> str:
@@ -316,7 +317,9 @@ def blocks_by_id(
     ids: IndexArray, blocks: list[tuple[str, IndexArray]]
 ) -> list[tuple[str, IndexArray]]:
     """Blocks whose cells name vertices by their ids, now by their positions; see `positions`."""
-    corners = [np.empty(0, np.int64), *(cells.ravel() for _, cells in blocks)]
+    if not blocks:
+        return []
+    corners = [*(cells.ravel() for _, cells in blocks)]
     found = positions(ids, np.concatenate(corners), "node")
     parts = np.split(found, np.cumsum([cells.size for _, cells in blocks])[:-1])
     return [(kind, p.reshape(c.shape)) for (kind, c), p in zip(blocks, parts, strict=True)]

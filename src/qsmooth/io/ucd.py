@@ -76,8 +76,8 @@ def read(data: bytes) -> Document:
         if odd.size:
             text.fail(int(firsts[odd[0]]), f"a {kind} has {n_corners} nodes")
     materials = text.numbers_at(firsts[:-1] + 1, np.int64)
-    for i, j, table in text.tables(firsts[:-1] + 3, widths - 3, codes):
-        blocks.append((TYPES[words[i]][0], table))
+    for i, j, nodes in text.tables(firsts[:-1] + 3, widths - 3, codes):
+        blocks.append((TYPES[words[i]][0], nodes))
         tags.append(materials[i:j])
         places.append(text.starts[firsts[i:j]])
     n_left = len(rows) - 2 - n_points - n_cells

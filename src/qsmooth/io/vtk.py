@@ -257,9 +257,9 @@ class _Reader:
 
     def values(self, size: int, n_components: int, type_name: str) -> npt.NDArray[Any] | None:
         cursor, n = self.cursor, size * n_components
-        if type_name.lower() == "string" and not cursor.order:
+        if type_name.lower() == "string":
             for _ in range(n):
-                cursor.line()
+                self.skip_string()
             self.extras.append("text data")
             return None
         if type_name.lower() == "bit":
@@ -271,6 +271,19 @@ class _Reader:
         else:
             values = cursor.numbers(n, self.dtype(["", type_name], 1), "values")
         return values if n_components == 1 else values.reshape(size, n_components)
+
+    def skip_string(self) -> None:
+        """Pass over one text: a line, or in a binary file its length and so many bytes."""
+        cursor = self.cursor
+        if not cursor.order:
+            end = cursor.data.find(b"\n", cursor.pos)
+            cursor.pos = len(cursor.data) if end < 0 else end + 1
+            return
+        # The first two bits say in how many bytes the length is given.
+        size = {3: 1, 2: 2, 1: 4, 0: 8}[int(cursor.numbers(1, "u1", "lengths")[0]) >> 6]
+        cursor.pos -= 1
+        length = int.from_bytes(cursor.data[cursor.pos : cursor.pos + size], "big")
+        cursor.numbers(size + (length & ((1 << (8 * size - 2)) - 1)), "u1", "letters")
 
     def integer(self, words: Sequence[str], i: int) -> int:
         if i >= len(words) or not re.fullmatch(r"[0-9]+", words[i]):

@@ -59,7 +59,14 @@ class _Storage:
 
     order: str
     header: str
-    codec: Codec | None
+    compressor: str | None
+
+    @property
+    def codec(self) -> Codec | None:
+        """How blocks are compressed, if they are; a text file may name any compressor."""
+        if self.compressor and self.compressor not in CODECS:
+            raise MeshError(f"compressor {self.compressor} is not read, only {', '.join(CODECS)}")
+        return CODECS[self.compressor] if self.compressor else None
 
     @property
     def size(self) -> int:
@@ -67,7 +74,8 @@ class _Storage:
 
     def decode(self, stored: bytes, encoded: bool) -> tuple[bytes, int]:
         """Numbers' bytes of the block that `stored` begins with, and the length of that block."""
-        if self.codec is None:
+        codec = self.codec
+        if codec is None:
             (n,) = self.heads(stored, 1, encoded)
             if not encoded:
                 return self.cut(stored, self.size, n), self.size + n
@@ -89,16 +97,17 @@ class _Storage:
             packed, length = self.cut(stored, begin, n), begin + n
         pieces, at = [], 0
         for size in sizes:
-            pieces.append(self.codec[1](packed[at : at + size]))
+            pieces.append(codec[1](packed[at : at + size]))
             at += size
         return b"".join(pieces), length
 
     def encode(self, raw: bytes, encoded: bool) -> bytes:
         """The reverse of `decode`."""
-        if self.codec is None:
+        codec = self.codec
+        if codec is None:
             stored = np.array([len(raw)], self.header).tobytes() + raw
             return base64.b64encode(stored) if encoded else stored
-        packed = [self.codec[0](raw[i : i + BLOCK]) for i in range(0, len(raw), BLOCK)]
+        packed = [codec[0](raw[i : i + BLOCK]) for i in range(0, len(raw), BLOCK)]
         heads = [len(packed), BLOCK, len(raw) % BLOCK, *map(len, packed)]
         header = np.array(heads, self.header).tobytes()
         body = b"".join(packed)
@@ -183,10 +192,7 @@ class _Reader:
         compressor = self.root.get("compressor")
         if header not in ("UInt32", "UInt64"):
             raise MeshError(f"header_type {header} is not read")
-        if compressor and compressor not in CODECS:
-            raise MeshError(f"compressor {compressor} is not read, only {', '.join(CODECS)}")
-        codec = CODECS[compressor] if compressor else None
-        self.storage = _Storage(order, order + DTYPES[header], codec)
+        self.storage = _Storage(order, order + DTYPES[header], compressor)
         element = self.root.find("AppendedData")
         self.appended_base64 = element is not None and element.get("encoding") == "base64"
         self.extras: list[str] = []

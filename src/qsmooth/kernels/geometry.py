@@ -115,6 +115,14 @@ def distance(ax: float, ay: float, bx: float, by: float) -> float:
 
 
 @helper()
+def share(move: float, shortest: float) -> float:
+    """What share of the shortest edge a move is; infinite where that has no length."""
+    if move == 0.0:
+        return 0.0
+    return np.inf if shortest == 0.0 else move / shortest
+
+
+@helper()
 def corner_jacobian(ax: float, ay: float, bx: float, by: float, dx: float, dy: float) -> float:
     """Twice the signed area at corner a between its next vertex b and its previous vertex d."""
     return (bx - ax) * (dy - ay) - (by - ay) * (dx - ax)
