@@ -560,7 +560,8 @@ def _frame(points: FloatArray, used: BoolArray, surface: Surface) -> _Frame | No
         return None
     low, high = corners.min(axis=0), corners.max(axis=0)
     diameter = float(np.linalg.norm(high - low))
-    origin = low + 0.5 * (high - low)
+    # The mean lies in the plane; the middle of the bounding box need not.
+    origin = corners.mean(axis=0)
     # The triangular factor of all the points spans the same plane; its SVD is 3 by 3.
     factor = np.linalg.qr(corners - origin, mode="r")
     axes = np.linalg.svd(factor)[2]

@@ -23,7 +23,8 @@ VALID, COLLAPSED, CONCAVE, CROSSED, INVERTED = range(5)
 @helper()
 def corner_angle(jacobian: float, dot: float) -> float:
     """Interior angle in degrees in [0, 360), over 180 where the corner is concave."""
-    angle = math.degrees(math.atan2(jacobian, dot))
+    # A dot product of −0, at an edge of no length, would make half a turn: adding 0 makes it +0.
+    angle = math.degrees(math.atan2(jacobian, dot + 0.0))
     if angle < 0.0:
         angle += FULL_TURN
     # A turn short of a full one by less than rounding is none.

@@ -60,7 +60,8 @@ def _exact_orientation(ax: float, ay: float, bx: float, by: float, cx: float, cy
     largest = max(abs(ax), abs(ay), abs(bx), abs(by), abs(cx), abs(cy))
     if largest == 0.0:
         return 0
-    scale = math.ldexp(1.0, -math.frexp(largest)[1])
+    # To about 2^500: as far from overflow of the products as from underflow.
+    scale = math.ldexp(1.0, min(1000, 500 - math.frexp(largest)[1]))
     ax, ay, bx, by, cx, cy = (
         ax * scale, ay * scale, bx * scale, by * scale, cx * scale, cy * scale
     )  # fmt: skip
@@ -111,6 +112,14 @@ def orientation(ax: float, ay: float, bx: float, by: float, cx: float, cy: float
 def distance(ax: float, ay: float, bx: float, by: float) -> float:
     """Length of the edge from a to b."""
     return math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay))
+
+
+@helper()
+def share(move: float, shortest: float) -> float:
+    """What share of the shortest edge a move is; infinite where that has no length."""
+    if move == 0.0:
+        return 0.0
+    return np.inf if shortest == 0.0 else move / shortest
 
 
 @helper()

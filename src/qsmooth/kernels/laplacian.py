@@ -7,7 +7,7 @@ from numba import prange
 
 from qsmooth._types import FloatArray, IndexArray, TableArray
 from qsmooth.kernels._jit import parallel_kernel
-from qsmooth.kernels.geometry import distance
+from qsmooth.kernels.geometry import distance, share
 from qsmooth.kernels.guards import allowed_step
 from qsmooth.kernels.star import CHUNK
 
@@ -52,7 +52,7 @@ def laplacian_sweep(
         xy_out[v, 0] = x + dx
         xy_out[v, 1] = y + dy
         moves[i] = math.sqrt(dx * dx + dy * dy)
-        shares[i] = moves[i] / shortest if moves[i] > 0.0 else 0.0
+        shares[i] = share(moves[i], shortest)
 
 
 @parallel_kernel()
@@ -97,4 +97,4 @@ def smart_laplacian_sweep(
                 )  # fmt: skip
                 xy[v, 0], xy[v, 1] = new_x, new_y
                 moves[i] = math.sqrt((new_x - x) * (new_x - x) + (new_y - y) * (new_y - y))
-                shares[i] = moves[i] / shortest if moves[i] > 0.0 else 0.0
+                shares[i] = share(moves[i], shortest)

@@ -33,7 +33,8 @@ def thresholds(
     it, at which an isosceles corner has exactly that angle.
     """
     angles = np.radians([[max_angle, min_angle], [triangle_max_angle, triangle_min_angle]])
-    return np.hstack([np.cos(angles), 0.5 / np.tan(0.5 * angles)])
+    with np.errstate(divide="ignore", over="ignore"):  # at an angle of hardly more than 0
+        return np.hstack([np.cos(angles), 0.5 / np.tan(0.5 * angles)])
 
 
 @helper()

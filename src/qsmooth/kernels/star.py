@@ -7,6 +7,7 @@ from numba import prange
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray, TableArray
 from qsmooth.kernels._jit import parallel_kernel
+from qsmooth.kernels.geometry import share
 from qsmooth.kernels.guards import allowed_step
 from qsmooth.kernels.moves import mean_proposal
 
@@ -71,4 +72,4 @@ def star_sweep(
                     )
                     xy[v, 0], xy[v, 1] = new_x, new_y
                     moves[i] = math.sqrt((new_x - x) * (new_x - x) + (new_y - y) * (new_y - y))
-                    shares[i] = moves[i] / shortest if moves[i] > 0.0 else 0.0
+                    shares[i] = share(moves[i], shortest)

@@ -1,0 +1,903 @@
+"""The command line: smooth, quality, compare, info, demo.
+
+Tables go to standard output, in colour on a terminal and as plain text elsewhere; progress,
+warnings and errors go to standard error. Numba, meshio and matplotlib are loaded inside the
+commands, so that ``--help`` answers at once.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import os
+import re
+import sys
+import traceback
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TextIO
+
+import typer
+
+from qsmooth import __version__
+from qsmooth.errors import MeshWarning
+
+if TYPE_CHECKING:
+    from qsmooth.mesh import Mesh
+    from qsmooth.metrics import Quality
+    from qsmooth.report import Table
+    from qsmooth.smoothing import SmoothResult, SweepRecord
+
+PASSED, FAILED, ERROR, INTERRUPTED, BROKEN_PIPE = 0, 1, 2, 130, 141
+# Lines of text, as opposed to tables, are broken here where the output is no terminal.
+TEXT_WIDTH = 100
+
+app = typer.Typer(
+    name="qsmooth",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    context_settings={"help_option_names": ["--help", "-h"]},
+)
+
+
+class _ReaderLeftError(Exception):
+    """The reader of standard output left; Typer would exit with 1, which means a failed gate."""
+
+
+class Surface(StrEnum):
+    """What a third coordinate means."""
+
+    auto = "auto"
+    flat = "flat"
+
+
+class Guard(StrEnum):
+    """What every step has to keep."""
+
+    quality = "quality"
+    clearance = "clearance"
+
+
+class Metric(StrEnum):
+    """Metrics that cells are ranked or coloured by."""
+
+    min_angle = "min_angle"
+    max_angle = "max_angle"
+    aspect_ratio = "aspect_ratio"
+    scaled_jacobian = "scaled_jacobian"
+    shape = "shape"
+
+
+FILES, METHOD, REPORT = "Files", "Smoothing", "Report"
+
+In = Annotated[Path, typer.Argument(metavar="IN", help="Mesh file to read.", show_default=False)]
+SurfaceOption = Annotated[
+    Surface,
+    typer.Option(
+        "--surface",
+        help="What z means: [b]auto[/b], the mesh lies in one plane; [b]flat[/b], z is a value on "
+        "a mesh in x and y, such as depth, and is carried along.",
+        rich_help_panel=FILES,
+    ),
+]
+FormatOption = Annotated[
+    str | None,
+    typer.Option(
+        "--format",
+        metavar="NAME",
+        help="Format of IN; by default its ending and content tell.",
+        rich_help_panel=FILES,
+    ),
+]
+JsonOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--json",
+        metavar="FILE",
+        help="Also write the figures as JSON; [b]-[/b] prints them, and no table.",
+        rich_help_panel=REPORT,
+    ),
+]
+SweepsOption = Annotated[
+    int, typer.Option("--sweeps", help="Sweeps at most, 0 or more.", rich_help_panel=METHOD)
+]
+RtolOption = Annotated[
+    float | None,
+    typer.Option(
+        help="A vertex rests when it moves less than this share of its shortest edge; stop when "
+        "all rest or quality no longer improves. 0 makes all sweeps.  "
+        "[dim]\\[default: 0.001][/dim]",
+        rich_help_panel=METHOD,
+    ),
+]
+GuardOption = Annotated[
+    Guard | None,
+    typer.Option(
+        help="What every move keeps: [b]clearance[/b], that valid cells stay valid; "
+        "[b]quality[/b], also that the worst cell does not get worse.  "
+        "[dim]\\[default: quality][/dim]",
+        rich_help_panel=METHOD,
+    ),
+]
+MaxAngleOption = Annotated[
+    float | None,
+    typer.Option(
+        help="Corners of quads with a larger angle are mended, degrees.  "
+        "[dim]\\[default: 120][/dim]",
+        rich_help_panel=METHOD,
+    ),
+]
+MinAngleOption = Annotated[
+    float | None,
+    typer.Option(
+        help="Corners of quads with a smaller angle are mended, degrees.  "
+        "[dim]\\[default: 60][/dim]",
+        rich_help_panel=METHOD,
+    ),
+]
+TriangleMaxAngleOption = Annotated[
+    float | None,
+    typer.Option(help="The same in triangles.  [dim]\\[default: 90][/dim]", rich_help_panel=METHOD),
+]
+TriangleMinAngleOption = Annotated[
+    float | None,
+    typer.Option(help="The same in triangles.  [dim]\\[default: 45][/dim]", rich_help_panel=METHOD),
+]
+StepOption = Annotated[
+    float | None,
+    typer.Option(
+        help="Share of each proposed move that is made, up to 1.  [dim]\\[default: 0.5][/dim]",
+        rich_help_panel=METHOD,
+    ),
+]
+WorstFractionOption = Annotated[
+    float | None,
+    typer.Option(
+        help="Share of the cells that make proposals in a sweep, those with the largest angles.  "
+        "[dim]\\[default: 1][/dim]",
+        rich_help_panel=METHOD,
+    ),
+]
+KeepInterfacesOption = Annotated[
+    bool | None,
+    typer.Option(
+        "--keep-interfaces/--no-keep-interfaces",
+        help="Whether vertices on lines between regions, and on line cells, stay.  "
+        "[dim]\\[default: keep-interfaces][/dim]",
+        rich_help_panel=METHOD,
+    ),
+]
+ThreadsOption = Annotated[
+    int | None,
+    typer.Option(
+        help="Threads; the result does not depend on it.  [dim]\\[default: by size][/dim]",
+        rich_help_panel=METHOD,
+    ),
+]
+DebugOption = Annotated[
+    bool, typer.Option("--debug", help="Show a traceback on errors (or set QSMOOTH_DEBUG=1).")
+]
+
+
+def main(arguments: Sequence[str] | None = None) -> NoReturn:
+    """Run the command line and leave the interpreter with its exit code."""
+    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    sys.exit(run(arguments))
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run the command line; every error becomes one line on standard error and a code.
+
+    Returns
+    -------
+    int
+        0 success, 1 a quality gate failed, 2 an error, 130 interrupted.
+    """
+    debug = "--debug" in arguments or os.environ.get("QSMOOTH_DEBUG", "0") not in ("", "0")
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", MeshWarning)
+        show = warnings.showwarning
+
+        def show_in_one_line(
+            message: Warning | str, category: type[Warning], *where: Any, **more: Any
+        ) -> None:
+            if issubclass(category, MeshWarning):
+                _say(f"warning: {message}")
+            else:
+                show(message, category, *where, **more)
+
+        warnings.showwarning = show_in_one_line
+        try:
+            code = app(args=list(arguments), prog_name="qsmooth", standalone_mode=False)
+            sys.stdout.flush()
+        except KeyboardInterrupt:
+            code = INTERRUPTED
+        except typer.Abort:
+            code = INTERRUPTED
+        except (_ReaderLeftError, BrokenPipeError):
+            # Whoever read the output has left; nothing more can be said to him.
+            with contextlib.suppress(OSError, ValueError):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return BROKEN_PIPE
+        except Exception as error:
+            if debug:
+                traceback.print_exc()
+            _say(f"error: {_in_words(error)}")
+            return ERROR
+    if code == INTERRUPTED:
+        _say("interrupted")
+    return int(code or PASSED)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        _print(f"qsmooth {__version__}")
+        raise typer.Exit
+
+
+@app.callback(invoke_without_command=True)
+def _root(
+    context: typer.Context,
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_version, is_eager=True, help="Show the version."),
+    ] = False,
+    debug: DebugOption = False,
+) -> None:
+    """Make 2D quadrilateral, triangle and mixed meshes better by moving their vertices.
+
+    Start with [b]qsmooth demo[/b], which needs no file.
+    """
+    if context.invoked_subcommand is None:
+        text = context.get_help()
+        if text:
+            _print(text)
+
+
+@app.command()
+def smooth(
+    mesh_file: In,
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="OUT",
+            help="Mesh file to write; its ending tells the format.",
+            show_default=False,
+            rich_help_panel=FILES,
+        ),
+    ],
+    method: Annotated[
+        str,
+        typer.Option(
+            "--method",
+            "-m",
+            help="star, quad, smart-laplacian or laplacian (unguarded: may break cells).",
+            rich_help_panel=METHOD,
+        ),
+    ] = "star",
+    sweeps: SweepsOption = 50,
+    rtol: RtolOption = None,
+    guard: GuardOption = None,
+    max_angle: MaxAngleOption = None,
+    min_angle: MinAngleOption = None,
+    triangle_max_angle: TriangleMaxAngleOption = None,
+    triangle_min_angle: TriangleMinAngleOption = None,
+    step: StepOption = None,
+    worst_fraction: WorstFractionOption = None,
+    keep_interfaces: KeepInterfacesOption = None,
+    threads: ThreadsOption = None,
+    overwrite: Annotated[
+        bool,
+        typer.Option(
+            "--overwrite", help="Allow OUT to replace a file, IN itself too.", rich_help_panel=FILES
+        ),
+    ] = False,
+    surface: SurfaceOption = Surface.auto,
+    format: FormatOption = None,
+    output_format: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="Format of OUT, if its ending does not say.", rich_help_panel=FILES
+        ),
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="Also write figures, as PNG and SVG, into this folder.",
+            rich_help_panel=REPORT,
+        ),
+    ] = None,
+    plot_metric: Annotated[
+        Metric, typer.Option(help="What figures are coloured by.", rich_help_panel=REPORT)
+    ] = Metric.max_angle,
+    json_file: JsonOption = None,
+    debug: DebugOption = False,
+) -> None:
+    """Smooth a mesh, and show its quality before and after.
+
+    Boundary vertices stay. OUT keeps everything that IN holds but the coordinates.
+    """
+    from qsmooth import report
+
+    _refuse_unsafe(mesh_file, output, overwrite, json_file)
+    if plot is not None:
+        from qsmooth.plot import require_matplotlib
+
+        require_matplotlib()
+    options = _given(
+        rtol=rtol, guard=guard, max_angle=max_angle, min_angle=min_angle,
+        triangle_max_angle=triangle_max_angle, triangle_min_angle=triangle_min_angle, step=step,
+        worst_fraction=worst_fraction, keep_interfaces=keep_interfaces, threads=threads,
+    )  # fmt: skip
+    mesh = _read(mesh_file, surface, format)
+    result = _smooth(mesh, method, sweeps, options)
+    from qsmooth.io import write_mesh
+
+    write_mesh(output, result.mesh, format=output_format)
+    written = [output]
+    if plot is not None:
+        from qsmooth.plot import save_figures
+
+        save_figures(mesh, result, plot, metric=plot_metric.value)
+        written.append(plot)
+    facts = {
+        "input": str(mesh_file),
+        "output": str(output),
+        "options": {"sweeps": sweeps, **options},
+        **_result_facts(result),
+        "before": result.before.to_dict(),
+    }
+    if _write_json(json_file, facts):
+        return
+    _heading(f"{mesh_file}: {report.size_text(result.before)}")
+    _table(report.change_table(result.before, result.after))
+    _text(f"{_outcome(result)}")
+    _text(f"Wrote {' and '.join(map(str, written))}")
+
+
+@app.command()
+def quality(
+    mesh_file: In,
+    worst: Annotated[
+        int, typer.Option(help="How many of the worst cells to list.", rich_help_panel=REPORT)
+    ] = 20,
+    worst_by: Annotated[
+        Metric, typer.Option(help="Metric that ranks them.", rich_help_panel=REPORT)
+    ] = Metric.scaled_jacobian,
+    fail_below: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="METRIC=VALUE",
+            help="Fail if a cell has less, as in [b]min_angle=20[/b]; may be repeated.",
+            rich_help_panel="Gate: exit code 0 where all checks pass, 1 where one fails",
+        ),
+    ] = None,
+    fail_above: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="METRIC=VALUE",
+            help="Fail if a cell has more, as in [b]aspect_ratio=10[/b]; may be repeated.",
+            rich_help_panel="Gate: exit code 0 where all checks pass, 1 where one fails",
+        ),
+    ] = None,
+    fail_invalid: Annotated[
+        bool,
+        typer.Option(
+            "--fail-invalid",
+            help="Fail if a cell is not valid: collapsed, concave, crossed or inverted.",
+            rich_help_panel="Gate: exit code 0 where all checks pass, 1 where one fails",
+        ),
+    ] = False,
+    surface: SurfaceOption = Surface.auto,
+    format: FormatOption = None,
+    json_file: JsonOption = None,
+    debug: DebugOption = False,
+) -> None:
+    """Measure a mesh: extremes, means, histograms, the worst cells, and checks for a pipeline.
+
+    Metrics are min_angle, max_angle (degrees), aspect_ratio, scaled_jacobian and shape.
+    """
+    from qsmooth import metrics, report
+
+    if worst < 0:
+        raise ValueError(f"--worst must be 0 or more, got {worst}")
+    limits = [(*_limit("--fail-below", text), True) for text in fail_below or ()]
+    limits += [(*_limit("--fail-above", text), False) for text in fail_above or ()]
+    _refuse_clash(json_file, mesh_file)
+    mesh = _read(mesh_file, surface, format)
+    measured = metrics.quality(mesh)
+    summary = measured.summary()
+    checks = [_check(measured, *limit) for limit in limits]
+    if fail_invalid:
+        checks.append(_check_validity(measured))
+    passed = all(check["passed"] for check in checks)
+    facts = {
+        "input": str(mesh_file),
+        **summary.to_dict(),
+        "worst_cells": [
+            {**cell, "state": metrics.Validity(int(measured.validity[cell["cell"]])).name.lower()}
+            for cell in measured.worst(worst, worst_by.value).to_dict()
+        ],
+        "checks": checks,
+        "passed": passed,
+    }
+    if not _write_json(json_file, facts):
+        _heading(f"{mesh_file}: {report.size_text(summary)}")
+        _table(report.summary_table(summary))
+        if worst:
+            _table(report.worst_table(measured, worst, worst_by.value))
+        for check in checks:
+            _text(("passed: " if check["passed"] else "FAILED: ") + check["text"])
+    elif not passed and json_file == Path("-"):
+        for check in checks:
+            if not check["passed"]:
+                _say(f"failed: {check['text']}")
+    if not passed:
+        raise typer.Exit(FAILED)
+
+
+@app.command()
+def compare(
+    mesh_file: In,
+    methods: Annotated[
+        str,
+        typer.Option(
+            metavar="NAMES",
+            help="Methods, separated by commas.  [dim]\\[default: all][/dim]",
+            rich_help_panel=METHOD,
+            show_default=False,
+        ),
+    ] = "all",
+    sweeps: SweepsOption = 50,
+    rtol: RtolOption = None,
+    guard: GuardOption = None,
+    max_angle: MaxAngleOption = None,
+    min_angle: MinAngleOption = None,
+    triangle_max_angle: TriangleMaxAngleOption = None,
+    triangle_min_angle: TriangleMinAngleOption = None,
+    step: StepOption = None,
+    worst_fraction: WorstFractionOption = None,
+    keep_interfaces: KeepInterfacesOption = None,
+    threads: ThreadsOption = None,
+    surface: SurfaceOption = Surface.auto,
+    format: FormatOption = None,
+    json_file: JsonOption = None,
+    debug: DebugOption = False,
+) -> None:
+    """Smooth a mesh with several methods, and put the results side by side.
+
+    Nothing is written. An option goes to the methods that have it.
+    """
+    _refuse_clash(json_file, mesh_file)
+    names = _method_names(methods)
+    options = _given(
+        rtol=rtol, guard=guard, max_angle=max_angle, min_angle=min_angle,
+        triangle_max_angle=triangle_max_angle, triangle_min_angle=triangle_min_angle, step=step,
+        worst_fraction=worst_fraction, keep_interfaces=keep_interfaces, threads=threads,
+    )  # fmt: skip
+    from qsmooth.smoothing import METHODS
+
+    for option in options:
+        if not any(option in METHODS[name].options for name in names):
+            raise ValueError(_in_options(f"method {', '.join(names)} has no option {option}"))
+    mesh = _read(mesh_file, surface, format)
+    results = _compare(mesh, names, sweeps, options)
+    facts = {
+        "input": str(mesh_file),
+        "options": {"sweeps": sweeps, **options},
+        "original": results[0].before.to_dict(),
+        "methods": [_result_facts(result) for result in results],
+    }
+    if not _write_json(json_file, facts):
+        _show_comparison(str(mesh_file), results)
+
+
+@app.command()
+def info(
+    mesh_file: In,
+    ids: Annotated[
+        int, typer.Option(help="How many ids of each finding to show.", rich_help_panel=REPORT)
+    ] = 10,
+    surface: SurfaceOption = Surface.auto,
+    format: FormatOption = None,
+    json_file: JsonOption = None,
+    debug: DebugOption = False,
+) -> None:
+    """Say what a mesh consists of, and what is odd about it.
+
+    Cells, boundary loops, orientation, regions; orphan and coincident vertices, edges without
+    length, hanging nodes, pinched vertices, parts, cells that are not valid.
+    """
+    from qsmooth.inspection import inspect
+    from qsmooth.report import inspection_table
+
+    if ids < 0:
+        raise ValueError(f"--ids must be 0 or more, got {ids}")
+    _refuse_clash(json_file, mesh_file)
+    facts = inspect(_read(mesh_file, surface, format))
+    if not _write_json(json_file, {"input": str(mesh_file), **facts.to_dict(ids)}):
+        _heading(str(mesh_file))
+        _table(inspection_table(facts, ids))
+
+
+@app.command()
+def demo(
+    output: Annotated[
+        Path,
+        typer.Option("--output", "-o", metavar="FOLDER", help="Where to put meshes and figures."),
+    ] = Path("qsmooth-demo"),
+    sweeps: SweepsOption = 50,
+    debug: DebugOption = False,
+) -> None:
+    """Smooth a packaged spiral of 1.9K bad quads with each method; needs no file.
+
+    Prints the comparison; writes the mesh, what the first method made of it, and figures.
+    """
+    from qsmooth.examples import demo_mesh
+    from qsmooth.io import write_mesh
+
+    if output.exists() and not output.is_dir():
+        raise ValueError(f"'{output}' is a file; --output takes a folder")
+    mesh = demo_mesh()
+    results = _compare(mesh, _method_names("all"), sweeps, {})
+    _show_comparison("Spiral", results)
+    output.mkdir(parents=True, exist_ok=True)
+    chosen = results[0]
+    write_mesh(output / "spiral.off", mesh)
+    write_mesh(output / f"spiral-{chosen.method}.off", chosen.mesh)
+    _text(
+        f"Wrote the mesh, {output / 'spiral.off'}, and what method {chosen.method} made of it, "
+        f"{output / f'spiral-{chosen.method}.off'}"
+    )
+    try:
+        from qsmooth.plot import save_figures
+
+        with _status("drawing"):
+            paths = save_figures(mesh, chosen, output)
+    except ImportError as error:
+        _say(f"warning: no figures: {error}")
+    else:
+        _text(f"Wrote {len(paths)} figures, as PNG and SVG, into {output}{os.sep}")
+        _text(f"Look first at {output / 'comparison-whole.png'}")
+
+
+def _refuse_unsafe(mesh_file: Path, output: Path, overwrite: bool, json_file: Path | None) -> None:
+    """Refuse outputs that would destroy a file, before any work is done."""
+    if output.is_dir():
+        raise ValueError(f"'{output}' is a folder; OUT must be a file")
+    if not output.parent.is_dir():
+        raise ValueError(f"cannot write '{output}': there is no folder '{output.parent}'")
+    if output.exists() and not overwrite:
+        if _same_file(output, mesh_file):
+            raise ValueError(f"OUT is the input, '{mesh_file}'; --overwrite allows that")
+        raise ValueError(f"'{output}' exists; --overwrite replaces it")
+    _refuse_clash(json_file, mesh_file, output)
+
+
+def _refuse_clash(json_file: Path | None, *others: Path) -> None:
+    if json_file is None or json_file == Path("-"):
+        return
+    for other in others:
+        if _same_file(json_file, other):
+            raise ValueError(f"--json would write over the mesh file '{other}'")
+    if json_file.is_dir() or not json_file.parent.is_dir():
+        raise ValueError(f"cannot write '{json_file}': it is a folder, or its folder is not there")
+
+
+def _same_file(one: Path, other: Path) -> bool:
+    if one.exists() and other.exists():
+        return one.samefile(other)
+    return os.path.realpath(one) == os.path.realpath(other)
+
+
+def _given(**options: Any) -> dict[str, Any]:
+    """Leave out the options that were not given."""
+    return {
+        name: value.value if isinstance(value, StrEnum) else value
+        for name, value in options.items()
+        if value is not None
+    }
+
+
+def _read(path: Path, surface: Surface, format: str | None) -> Mesh:
+    from qsmooth.io import read_mesh
+
+    with _status(f"reading {path}"):
+        return read_mesh(path, surface=surface.value, format=format)
+
+
+def _method_names(text: str) -> list[str]:
+    from qsmooth.smoothing import METHODS
+
+    if text == "all":
+        return list(METHODS)
+    names = list(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
+    unknown = [name for name in names if name not in METHODS]
+    if unknown or not names:
+        raise ValueError(
+            f"--methods takes names out of {', '.join(METHODS)}, got {', '.join(unknown) or 'none'}"
+        )
+    return names
+
+
+def _smooth(mesh: Mesh, method: str, sweeps: int, options: dict[str, Any]) -> SmoothResult:
+    from qsmooth import smoothing
+
+    try:
+        with _progress(method, sweeps) as callback:
+            return smoothing.smooth(mesh, method, max_sweeps=sweeps, callback=callback, **options)
+    except ValueError as error:
+        raise ValueError(_in_options(str(error))) from error
+
+
+def _compare(
+    mesh: Mesh, names: Sequence[str], sweeps: int, options: dict[str, Any]
+) -> list[SmoothResult]:
+    from qsmooth.smoothing import METHODS
+
+    results = []
+    for name in names:
+        own = {k: v for k, v in options.items() if k in METHODS[name].options}
+        if sweeps > 0:
+            # One sweep beforehand: the first call compiles, which is not the method's time.
+            _smooth(mesh, name, 1, own)
+        results.append(_smooth(mesh, name, sweeps, own))
+    return results
+
+
+def _show_comparison(name: str, results: Sequence[SmoothResult]) -> None:
+    from qsmooth import report
+
+    before = results[0].before
+    _heading(f"{name}: {report.size_text(before)}")
+    for table in report.comparison_tables(before, results, width=_width()):
+        _table(table)
+    for result in results:
+        _text(_outcome(result))
+
+
+def _outcome(result: SmoothResult) -> str:
+    from qsmooth import report
+    from qsmooth.smoothing import METHODS
+
+    sweeps = report.plural(result.sweeps, "sweep")
+    return (
+        f"{METHODS[result.method].title}: {sweeps} in {report.time_text(result.seconds)}; "
+        f"{_in_options(result.reason)}."
+    )
+
+
+def _result_facts(result: SmoothResult) -> dict[str, Any]:
+    return {
+        "method": result.method,
+        "sweeps": result.sweeps,
+        "converged": result.converged,
+        "reason": result.reason,
+        "seconds": result.seconds,
+        "after": result.after.to_dict(),
+        "history": [asdict(record) for record in result.history],
+    }
+
+
+def _limit(option: str, text: str) -> tuple[str, float]:
+    """Take apart "min_angle=20"."""
+    from qsmooth.metrics import HIGHER_IS_BETTER
+
+    name, sign, value = text.partition("=")
+    metric = name.strip().replace("-", "_")
+    if not sign or metric not in HIGHER_IS_BETTER:
+        raise ValueError(
+            f"{option} takes METRIC=VALUE with a metric out of {', '.join(HIGHER_IS_BETTER)}, "
+            f"got '{text}'"
+        )
+    try:
+        limit = float(value)
+    except ValueError:
+        limit = math.nan
+    if not math.isfinite(limit):
+        raise ValueError(f"{option} {metric} needs a number, got '{value}'")
+    return metric, limit
+
+
+def _check(measured: Quality, metric: str, limit: float, below: bool) -> dict[str, Any]:
+    """Hold every cell to a limit."""
+    from qsmooth.report import METRIC_WORDS, metric_text, plural
+
+    values = getattr(measured, metric)
+    bad = values < limit if below else values > limit
+    cell = int(values.argmin() if below else values.argmax())
+    found = f"cell {cell} has {metric_text(metric, float(values[cell]))}"
+    what = f"{METRIC_WORDS[metric]} {'below' if below else 'above'} {limit:g}"
+    n_bad = int(bad.sum())
+    text = f"no cell has its {what}; {found}" if metric.endswith("angle") else f"no {what}; {found}"
+    if n_bad:
+        text = f"{plural(n_bad, 'cell')} of {len(values)} with the {what}; the worst: {found}"
+    return {
+        "metric": metric,
+        "rule": "below" if below else "above",
+        "limit": limit,
+        "n_failed": n_bad,
+        "worst_cell": cell,
+        "worst_value": float(values[cell]),
+        "passed": n_bad == 0,
+        "text": text,
+    }
+
+
+def _check_validity(measured: Quality) -> dict[str, Any]:
+    from qsmooth.report import plural
+
+    bad = measured.validity.nonzero()[0]
+    text = "no cell is not valid"
+    if len(bad):
+        text = f"{plural(len(bad), 'cell')} of {len(measured.validity)} not valid"
+        text += f"; the first: cell {bad[0]}"
+    return {
+        "metric": "validity",
+        "rule": "invalid",
+        "limit": None,
+        "n_failed": len(bad),
+        "worst_cell": int(bad[0]) if len(bad) else None,
+        "worst_value": None,
+        "passed": not len(bad),
+        "text": text,
+    }
+
+
+def _write_json(path: Path | None, facts: dict[str, Any]) -> bool:
+    """Write facts as JSON; True if that went to standard output in place of the tables."""
+    from qsmooth.report import finite
+
+    if path is None:
+        return False
+    text = json.dumps(finite(facts), indent=2, allow_nan=False)
+    if path == Path("-"):
+        _print(text)
+        return True
+    path.write_text(text + "\n", encoding="utf-8")
+    return False
+
+
+def _console(stream: TextIO) -> Any:
+    from rich.console import Console
+
+    return Console(file=stream, highlight=False)
+
+
+def _is_terminal(stream: TextIO) -> bool:
+    try:
+        return stream.isatty()
+    except (AttributeError, ValueError):
+        return False
+
+
+def _width() -> int | None:
+    """Characters in a line of the terminal; None where the output is none."""
+    return int(_console(sys.stdout).width) if _is_terminal(sys.stdout) else None
+
+
+def _print(text: str) -> None:
+    from qsmooth.report import plain
+
+    try:
+        sys.stdout.write(plain(text, sys.stdout.encoding) + "\n")
+    except BrokenPipeError as error:
+        raise _ReaderLeftError from error
+
+
+def _table(table: Table) -> None:
+    if _is_terminal(sys.stdout):
+        _console(sys.stdout).print(table)
+    else:
+        _print(f"{table}\n")
+
+
+def _heading(text: str) -> None:
+    if _is_terminal(sys.stdout):
+        from rich.text import Text
+
+        _console(sys.stdout).print(Text(text, style="bold"))
+    else:
+        _print(f"{text}\n")
+
+
+def _text(text: str) -> None:
+    if _is_terminal(sys.stdout):
+        from rich.text import Text
+
+        _console(sys.stdout).print(Text(text))
+    else:
+        _print(text)
+
+
+def _say(text: str) -> None:
+    """Print one line on standard error."""
+    line = "qsmooth: " + " ".join(str(text).split())
+    encoding = getattr(sys.stderr, "encoding", None) or "utf-8"
+    with contextlib.suppress(OSError, ValueError):
+        sys.stderr.write(line.encode(encoding, "replace").decode(encoding) + "\n")
+        sys.stderr.flush()
+
+
+@contextlib.contextmanager
+def _status(text: str) -> Iterator[None]:
+    """Say on a terminal what is going on."""
+    if not _is_terminal(sys.stderr):
+        yield
+        return
+    with _console(sys.stderr).status(text):
+        yield
+
+
+@contextlib.contextmanager
+def _progress(method: str, sweeps: int) -> Iterator[Callable[[SweepRecord], None] | None]:
+    """Show on a terminal a bar of the sweeps; gives what `smooth` calls after each."""
+    if not _is_terminal(sys.stderr):
+        yield None
+        return
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (
+        TextColumn("{task.fields[method]}"),
+        BarColumn(),
+        TextColumn("{task.completed} of {task.total} sweeps"),
+        TimeElapsedColumn(),
+        TextColumn("{task.fields[state]}"),
+    )
+    with Progress(*columns, console=_console(sys.stderr), transient=True) as progress:
+        task = progress.add_task("", total=sweeps, method=method, state="")
+
+        def callback(record: SweepRecord) -> None:
+            state = f"angles {record.min_angle:.1f}° to {record.max_angle:.1f}°"
+            if record.n_invalid:
+                state += f", {record.n_invalid} cells not valid"
+            progress.update(task, advance=1, state=state)
+
+        yield callback
+
+
+def _in_options(message: str) -> str:
+    """Name options in a message of the library as they are named here."""
+    for name, option in _OPTIONS.items():
+        message = re.sub(rf"(?<![\w-]){name}\b", option, message)
+    return message
+
+
+# `step` and the like are words of other messages too: only the library's phrases are meant.
+_OPTIONS = {
+    "max_sweeps": "--sweeps",
+    **{
+        name: "--" + name.replace("_", "-")
+        for name in (
+            "triangle_max_angle",
+            "triangle_min_angle",
+            "max_angle",
+            "min_angle",
+            "worst_fraction",
+            "keep_interfaces",
+        )
+    },
+    **{f"{name}(?= must)": f"--{name}" for name in ("rtol", "guard", "step", "threads", "method")},
+    **{f"option {name}": f"option --{name}" for name in ("rtol", "guard", "step", "threads")},
+}
+
+
+def _in_words(error: Exception) -> str:
+    """Say in one line what went wrong."""
+    if hasattr(error, "format_message"):  # what Typer makes of a wrong command line
+        return str(error.format_message())
+    if isinstance(error, (ImportError, ValueError)):
+        return str(error)
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.strerror}: '{error.filename}'" if error.filename else error.strerror
+    if isinstance(error, MemoryError):
+        return "there is not enough memory for this mesh"
+    return f"{type(error).__name__}: {error}; --debug shows where"

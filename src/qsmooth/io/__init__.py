@@ -1,0 +1,222 @@
+"""Reading and writing mesh files.
+
+A format is a module of this package with five names: ``NAME``, ``ENDINGS``, ``HOLDS`` (what it can
+keep besides points, triangles and quads), ``sniff`` (does a file begin like one of its own),
+``read`` and ``write``; it is listed in ``FORMATS`` below. All else that meshio reads comes through
+it, checked.
+
+A file is written back in its own format by putting the coordinates that changed in place of the
+old ones; every other byte stays.
+"""
+
+from __future__ import annotations
+
+import os
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol, TypeAlias
+
+import numpy as np
+
+from qsmooth.errors import MeshError, MeshWarning
+from qsmooth.io import abaqus, bridge, gmsh, medit, mfem, obj, off, ply, su2, ucd, vtk, vtu
+from qsmooth.io.document import Document, of_mesh
+from qsmooth.io.files import read_bytes, write_bytes
+
+if TYPE_CHECKING:
+    import meshio
+
+    from qsmooth.mesh import Mesh, Surface
+
+__all__ = ["formats", "from_meshio", "read_mesh", "to_meshio", "write_mesh"]
+
+PathLike: TypeAlias = str | os.PathLike[str]
+
+HEAD = 1 << 16  # bytes that tell a format; comments may come first
+
+
+class Format(Protocol):
+    """What the module of a format has."""
+
+    @property
+    def NAME(self) -> str: ...  # noqa: N802
+    @property
+    def ENDINGS(self) -> tuple[str, ...]: ...  # noqa: N802
+    @property
+    def HOLDS(self) -> frozenset[str]: ...  # noqa: N802
+
+    def sniff(self, head: bytes) -> bool:
+        """Whether a file that begins with `head` is of this format."""
+        ...
+
+    def read(self, data: bytes) -> Document:
+        """The mesh in these bytes; MeshError where there is none."""
+        ...
+
+    def write(self, document: Document) -> bytes:
+        """The bytes of a new file."""
+        ...
+
+
+# Where an ending has several formats, the first is the one written.
+FORMATS: tuple[Format, ...] = (off, gmsh, vtk, vtu, obj, ply, su2, abaqus, ucd, medit, mfem)
+
+
+def formats() -> dict[str, tuple[str, ...]]:
+    """Names of all formats, with their endings: qsmooth's own first, then meshio's."""
+    return {form.NAME: form.ENDINGS for form in FORMATS} | bridge.formats()
+
+
+def read_mesh(path: PathLike, *, surface: Surface = "auto", format: str | None = None) -> Mesh:
+    """Read a mesh from a file.
+
+    Parameters
+    ----------
+    path
+        The format goes by the file's ending, and by its content where several share an ending.
+    surface
+        "flat" takes z for a field on a flat mesh; see `Mesh`.
+    format
+        Name of a format, one of `formats()`, if the ending does not say it.
+
+    Raises
+    ------
+    MeshError
+        If the file cannot be read rightly. The message names the file, what is wrong and where.
+    """
+    path = Path(path)
+    try:
+        document = _read(path, format)
+        mesh = document.to_mesh(surface)
+    except MeshError as error:
+        message = str(error)
+        if str(path) not in message:
+            message = f"cannot read '{path}': {message}"
+        raise MeshError(message) from error.__cause__
+    for note in document.notes:
+        warnings.warn(f"'{path}': {note}", MeshWarning, stacklevel=2)
+    return mesh
+
+
+def write_mesh(path: PathLike, mesh: Mesh, *, format: str | None = None) -> None:
+    """Write a mesh to a file, in one step: if it fails, an older file stays whole.
+
+    Into the format it was read from, nothing but the coordinates that changed is new. What
+    another format cannot hold is listed in a `MeshWarning`.
+
+    Parameters
+    ----------
+    path
+        The format goes by the ending; where several share it, by the file the mesh came from.
+    format
+        Name of a format, one of `formats()`, if the ending does not say it.
+
+    Raises
+    ------
+    MeshError
+        If the format is unknown or the file cannot be written.
+    """
+    path = Path(path)
+    source = mesh._source if isinstance(mesh._source, Document) else None
+    name = format or _name_for(path, source)
+    same_format = source is not None and source.format == name
+    lost: list[str] = []
+    if same_format and source is not None and source.data and _can_splice(source, mesh):
+        write_bytes(path, _spliced(source, mesh))
+    elif form := _own(name):
+        document = of_mesh(mesh)
+        data = form.write(document)
+        lost = document.losses(form.HOLDS)
+        write_bytes(path, data)
+    elif name in bridge.formats():
+        document = of_mesh(mesh)
+        lost = bridge.write(document, path, name) + list(document.extras)
+    else:
+        raise MeshError(f"cannot write '{path}': unknown format {name!r}, known are {_known()}")
+    if lost:
+        warnings.warn(
+            f"'{path}': format {name} cannot hold {'; '.join(lost)}", MeshWarning, stacklevel=2
+        )
+
+
+def from_meshio(meshio_mesh: meshio.Mesh, *, surface: Surface = "auto") -> Mesh:
+    """Mesh of the triangles and quads of a mesh of meshio; everything else is carried along."""
+    return bridge.from_meshio(meshio_mesh).to_mesh(surface)
+
+
+def to_meshio(mesh: Mesh) -> meshio.Mesh:
+    """The mesh for meshio, with everything its file or its meshio mesh held."""
+    return bridge.to_meshio(of_mesh(mesh))
+
+
+def _read(path: Path, name: str | None) -> Document:
+    data = read_bytes(path)
+    if not data.strip():
+        raise MeshError("the file is empty")
+    # A byte order mark is no part of the mesh; blank, so that every other byte stays in place.
+    clean = b"   " + data[3:] if data.startswith(b"\xef\xbb\xbf") else data
+    form = _by_content(path, clean[:HEAD].lstrip()) if name is None else _own(name) or name
+    if isinstance(form, str):
+        if form not in bridge.formats():
+            raise MeshError(f"unknown format {form!r}, known are {_known()}")
+        document = bridge.read(path, form)
+        # Kept to write an unchanged mesh as it was; of no use where a second file belongs to it.
+        document.data = b"" if form in bridge.SEVERAL_FILES else data
+        return document
+    try:
+        document = form.read(clean)
+    except MeshError:
+        raise
+    except Exception as error:  # a file can be wrong in more ways than a reader checks
+        raise MeshError(f"no valid file of format {form.NAME} ({error!r})") from error
+    document.format, document.data = form.NAME, data
+    return document
+
+
+def _by_content(path: Path, head: bytes) -> Format | str:
+    """The format of a file that begins so: its module, or meshio's name for it."""
+    claiming = [form for form in FORMATS if path.suffix.lower() in form.ENDINGS]
+    fitting = [form for form in claiming or FORMATS if form.sniff(head)]
+    if fitting and claiming:
+        return fitting[0]
+    foreign = bridge.names(path)
+    if foreign and (not claiming or head[:1] == b"("):  # .msh is ANSYS's too
+        return foreign[0]
+    if fitting:
+        return fitting[0]
+    if not claiming:
+        raise MeshError(f"unknown format: ending {path.suffix!r}, known are {_known()}")
+    others = [form.NAME for form in FORMATS if form.sniff(head)]
+    hint = f"; it looks like {others[0]}: say so with format={others[0]!r}" if others else ""
+    wanted = " or ".join(form.NAME for form in claiming)
+    raise MeshError(f"this is no file of format {wanted}: it begins with {head[:30]!r}{hint}")
+
+
+def _name_for(path: Path, source: Document | None) -> str:
+    """Name of the format to write a file of this ending in."""
+    ending = path.suffix.lower()
+    claiming = [form.NAME for form in FORMATS if ending in form.ENDINGS]
+    names = claiming or bridge.names(path)
+    if source is not None and (source.format in names or not names):
+        return source.format
+    if not names:
+        raise MeshError(f"cannot write '{path}': unknown ending {ending!r}, known are {_known()}")
+    return names[0]
+
+
+def _own(name: str) -> Format | None:
+    return next((form for form in FORMATS if name == form.NAME), None)
+
+
+def _known() -> str:
+    return ", ".join(formats())
+
+
+def _can_splice(source: Document, mesh: Mesh) -> bool:
+    return source.slots is not None or np.array_equal(source.points, mesh.points)
+
+
+def _spliced(source: Document, mesh: Mesh) -> bytes:
+    if source.slots is None:
+        return source.data
+    return source.slots.write(source.data, source.points, np.asarray(mesh.points))

@@ -1,0 +1,352 @@
+"""Abaqus .inp: nodes, elements of many families, sets; all other keywords are kept."""
+
+from __future__ import annotations
+
+import re
+from itertools import pairwise
+from typing import NoReturn
+
+import numpy as np
+
+from qsmooth._types import IndexArray
+from qsmooth.errors import MeshError
+from qsmooth.io.document import FACES, Block, Document
+from qsmooth.io.splice import joined
+from qsmooth.io.text import Text, blanked, finish, line_of, positions, rows_of
+
+NAME = "abaqus"
+ENDINGS = (".inp",)
+HOLDS = frozenset(("z", "line", "regions", "names", "point_sets", "cell_sets"))
+
+# Families of two-dimensional elements; the digits that follow are the number of nodes.
+SURFACE = re.compile(
+    r"(?:CPS|CPE|CPEG|CAX|CGAX|M3D|MAX|R3D|SFM3D|STRI|S|DS|DC2D|DCC2D|DCAX|AC2D|ACAX|COH2D|WARP2D|DCCAX)"
+    r"([3-9])(?:[A-Z]\w*|5)?$"
+)
+KINDS = {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8", 9: "quad9"}
+LINE = re.compile(
+    r"(?:T[23]D2|B[23][13]|R2D2|RB[23]D2|RAX2|SAX1|DC1D2|F2D2|LINE2|CONN[23]D2)[A-Z]*$"
+)
+LINE3 = re.compile(r"(?:T[23]D3|B[23]2|SAX2|DC1D3)[A-Z]*$")
+POINT = re.compile(r"(?:MASS|ROTARYI|SPRING1|DASHPOT1|HEATCAP)$")
+LONGEST_RANGE = 10**7  # ids of one GENERATE; a damaged number must not fill the memory
+GENERATORS = ("NGEN", "NFILL", "NCOPY", "ELGEN", "ELCOPY", "NMAP")
+WRITTEN = {"triangle": "CPS3", "quad": "CPS4", "line": "T2D2"}
+
+
+def sniff(head: bytes) -> bool:
+    """Whether a file that starts so is Abaqus's."""
+    return re.match(rb"\s*\*[*A-Za-z]", head) is not None
+
+
+def read(data: bytes) -> Document:
+    """Read Abaqus; element sets that divide the elements become regions."""
+    return _Reader(data).document()
+
+
+class _Reader:
+    """Goes through the keywords of one file."""
+
+    def __init__(self, data: bytes) -> None:
+        self.data = data
+        clean = blanked(data, rb"(?m)^[ \t]*\*\*[^\r\n]*")
+        if b"\n" not in clean:
+            clean = clean.replace(b"\r", b"\n")
+        self.clean = clean
+        self.text = Text(clean.replace(b",", b" "))
+        self.ids: list[IndexArray] = []
+        self.points: list[np.ndarray] = []
+        self.slots: list[IndexArray] = []
+        # (type, element ids, node ids, tokens) of each *ELEMENT
+        self.elements: list[tuple[str, IndexArray, IndexArray, IndexArray]] = []
+        self.named: list[str] = []  # ELSET= of each *ELEMENT
+        self.sets: dict[str, dict[str, list[IndexArray]]] = {"NSET": {}, "ELSET": {}}
+        self.others: list[str] = []
+
+    def document(self) -> Document:
+        parts: set[str] = set()
+        in_assembly = False
+        sections = list(_sections(self.clean))
+        if not sections:
+            raise MeshError("no keyword of Abaqus found")
+        for key, options, begin, body, end in sections:
+            first, last = np.searchsorted(self.text.starts, (body, end)).tolist()
+            if key == "PART":
+                parts.add(options.get("NAME", ""))
+            elif key in ("ASSEMBLY", "INSTANCE", "END INSTANCE", "END ASSEMBLY"):
+                # Nodes of the assembly itself are reference points, numbered apart.
+                in_assembly = key in ("ASSEMBLY", "END INSTANCE")
+            elif key in GENERATORS:
+                self.fail(begin, f"*{key} makes nodes or elements by rule: not read")
+            elif key == "NODE" and not in_assembly:
+                self.nodes(options, begin, first, last, self.clean[body:end])
+            elif key == "ELEMENT" and not in_assembly:
+                self.element(options, begin, first, last)
+            elif key in ("NSET", "ELSET"):
+                self.set(key, options, begin, first, last)
+            elif key == "INCLUDE" or key not in ("HEADING", "PREPRINT", "END PART"):
+                self.others.append(key)
+        if not self.points:
+            hint = "; *INCLUDE is not followed" if "INCLUDE" in self.others else ""
+            raise MeshError(f"the file has no *NODE with coordinates{hint}")
+        if not self.elements:
+            raise MeshError("the file has no *ELEMENT")
+        if len(parts) > 1:
+            raise MeshError(f"{len(parts)} parts ({', '.join(sorted(parts))}): one is read")
+        return self.assemble()
+
+    def fail(self, offset: int, what: str) -> NoReturn:
+        raise MeshError(f"line {line_of(self.data, offset)}: {what}")
+
+    def nodes(
+        self, options: dict[str, str], begin: int, first: int, last: int, body: bytes
+    ) -> None:
+        """*NODE: id, x, y and perhaps z on each line."""
+        if "INPUT" in options:
+            self.fail(begin, f"nodes in another file ({options['INPUT']}) are not read")
+        if options.get("SYSTEM", "R").upper() != "R":
+            self.fail(begin, f"coordinate system {options['SYSTEM']} is not read, only rectangular")
+        if first == last:
+            return
+        if empty := re.search(rb",[ \t]*,", body):
+            at = int(self.text.starts[first]) if first < len(self.text) else begin
+            self.fail(at + empty.start(), "an empty field among coordinates is not read")
+        rows = self.rows(first, last)
+        widths = np.diff(rows)
+        width = int(widths.min())
+        if width < 3 or widths.max() != width:
+            row = int(np.argmin(widths)) if width < 3 else int(np.argmax(widths != widths[0]))
+            self.text.fail(
+                int(rows[row]), f"a node with {widths[row]} numbers: id and 2 or 3 coordinates"
+            )
+        table = self.text.numbers(first, last).reshape(-1, width)
+        self.ids.append(table[:, 0].astype(np.int64))
+        self.points.append(table[:, 1:4])
+        self.slots.append(rows[:-1, None] + np.arange(1, min(width, 4)))
+        self.add("NSET", options, self.ids[-1])
+
+    def element(self, options: dict[str, str], begin: int, first: int, last: int) -> None:
+        """*ELEMENT: id and nodes; on several lines where there are many."""
+        name = options.get("TYPE", "").upper()
+        if not name:
+            self.fail(begin, "*ELEMENT without TYPE=")
+        if "INPUT" in options:
+            self.fail(begin, f"elements in another file ({options['INPUT']}) are not read")
+        if first == last:
+            return
+        rows = self.rows(first, last)
+        kind, n_corners = _kind(name)
+        if n_corners == 0:
+            # Not read; a line that ends in a comma goes on in the next.
+            self.elements.append(
+                (kind, rows[:-1], np.zeros((len(rows) - 1, 1), np.int64), rows[:-1])
+            )
+            self.named.append("")
+            return
+        if n_corners <= 4:
+            odd = np.flatnonzero(np.diff(rows) != n_corners + 1)
+            if odd.size:
+                self.text.fail(
+                    int(rows[odd[0]]),
+                    f"an element {name} with {rows[odd[0] + 1] - rows[odd[0]]} numbers: "
+                    f"it has an id and {n_corners} nodes",
+                )
+        elif (last - first) % (n_corners + 1):
+            self.text.fail(first, f"elements {name} have an id and {n_corners} nodes each")
+        table = self.text.numbers(first, last, np.int64).reshape(-1, n_corners + 1)
+        tokens = first + (n_corners + 1) * np.arange(len(table))
+        self.elements.append((kind, table[:, 0], table[:, 1:], tokens))
+        self.named.append(options.get("ELSET", ""))
+        self.add("ELSET", options, table[:, 0])
+
+    def set(self, key: str, options: dict[str, str], begin: int, first: int, last: int) -> None:
+        """*NSET, *ELSET: ids, names of sets, or first, last and step."""
+        if key not in options:
+            self.fail(begin, f"*{key} without {key}=")
+        if "GENERATE" in options:
+            members = []
+            for row, end in pairwise(self.rows(first, last).tolist()):
+                if end - row not in (2, 3):
+                    self.text.fail(row, "GENERATE needs first, last and perhaps step")
+                start, stop, step = [*self.text.numbers(row, end, np.int64).tolist(), 1][:3]
+                if step < 1 or stop < start or (stop - start) // step > LONGEST_RANGE:
+                    self.text.fail(row, f"{start}, {stop}, {step}: no range")
+                members.append(np.arange(start, stop + 1, step))
+        else:
+            words = b" ".join(self.text.words(first, last))
+            members = []
+            if re.fullmatch(rb"[\d\s]*", words):
+                members = [self.text.numbers(first, last, np.int64)]
+            else:  # names of other sets among the ids
+                for word in words.split():
+                    if word.isdigit():
+                        members.append(np.array([int(word)]))
+                    else:
+                        members += self.sets[key].get(word.decode("latin-1").upper(), [])
+        self.add(key, options, np.concatenate([np.empty(0, np.int64), *members]))
+
+    def rows(self, first: int, last: int) -> IndexArray:
+        rows = self.text.rows
+        i, j = np.searchsorted(rows, (first, last))
+        return rows[i : j + 1]
+
+    def add(self, key: str, options: dict[str, str], ids: IndexArray) -> None:
+        if name := options.get(key):
+            self.sets[key].setdefault(name.upper(), []).append(ids)
+
+    def assemble(self) -> Document:
+        ids = np.concatenate(self.ids)
+        if len({points.shape[1] for points in self.points}) > 1:
+            raise MeshError("some *NODE have two coordinates, others three")
+        linear = [kind in (*FACES, "line", "vertex") for kind, *_ in self.elements]
+        blocks: list[Block] = [
+            (kind, positions(ids, corners, "node") if read else np.zeros_like(corners))
+            for (kind, _, corners, _), read in zip(self.elements, linear, strict=True)
+        ]
+        element_ids = [numbers for _, numbers, _, _ in self.elements]
+        cell_sets = {
+            name: [
+                np.flatnonzero(np.isin(numbers, np.concatenate(parts))) for numbers in element_ids
+            ]
+            for name, parts in self.sets["ELSET"].items()
+        }
+        point_sets = {
+            name: np.flatnonzero(np.isin(ids, np.concatenate(parts)))
+            for name, parts in self.sets["NSET"].items()
+        }
+        every = np.concatenate(element_ids)
+        unique = len(np.unique(every)) == len(every)
+        tags, names = self.tags_by_block(blocks)
+        if tags is None and unique:
+            tags, names = _partition(blocks, cell_sets)
+        if not unique:  # ids say nothing then
+            cell_sets = {}
+        others = sorted(set(self.others))
+        return Document(
+            np.ascontiguousarray(np.concatenate(self.points)),
+            blocks,
+            tags,
+            names,
+            point_sets=point_sets,
+            cell_sets=cell_sets,
+            extras=tuple(f"*{key}" for key in others),
+            slots=joined([self.text.slots(tokens) for tokens in self.slots]),
+            places=[self.text.starts[tokens] for *_, tokens in self.elements],
+        )
+
+    def tags_by_block(
+        self, blocks: list[Block]
+    ) -> tuple[list[IndexArray] | None, dict[str, tuple[int, int]]]:
+        """Regions from ELSET= of *ELEMENT, where each of the faces has one."""
+        labels = [name.upper() for name in self.named]
+        of_faces = [n for n, (kind, _) in zip(labels, blocks, strict=True) if kind in FACES]
+        if not of_faces or not all(of_faces) or len(set(of_faces)) == 1:
+            return None, {}
+        numbers = {name: k for k, name in enumerate(dict.fromkeys(filter(None, labels)), start=1)}
+        tags = [
+            np.full(len(c), numbers.get(n, 0)) for n, (_, c) in zip(labels, blocks, strict=True)
+        ]
+        return tags, {name: (numbers[name], 2) for name in dict.fromkeys(of_faces)}
+
+
+def _partition(
+    blocks: list[Block], cell_sets: dict[str, list[IndexArray]]
+) -> tuple[list[IndexArray] | None, dict[str, tuple[int, int]]]:
+    """Regions from the element sets, where each face is in exactly one of them.
+
+    Sets of all faces or of none are left out.
+    """
+    is_face = [kind in FACES for kind, _ in blocks]
+    n_faces = sum(len(c) for (_, c), face in zip(blocks, is_face, strict=True) if face)
+    count = [np.zeros(len(c), np.int64) for _, c in blocks]
+    tags = [np.zeros(len(c), np.int64) for _, c in blocks]
+    names: dict[str, tuple[int, int]] = {}
+    for name, members in cell_sets.items():
+        size = sum(len(m) for m, face in zip(members, is_face, strict=True) if face)
+        if 0 < size < n_faces:
+            names[name] = (len(names) + 1, 2)
+            for b, rows in enumerate(members):
+                count[b][rows] += 1
+                tags[b][rows] = len(names)
+    once = all((c == 1).all() for c, face in zip(count, is_face, strict=True) if face)
+    return (tags, names) if names and once else (None, {})
+
+
+def _kind(name: str) -> tuple[str, int]:
+    """Type and vertices of an element by its name; 0 vertices for one that is only refused."""
+    if match := SURFACE.match(name):
+        digits = 6 if name == "STRI65" else int(match[1])
+        if digits in KINDS:
+            return KINDS[digits], digits
+    if LINE.match(name):
+        return "line", 2
+    if LINE3.match(name):
+        return "line3", 3
+    if POINT.match(name):
+        return "vertex", 1
+    return name, 0
+
+
+def _sections(clean: bytes) -> list[tuple[str, dict[str, str], int, int, int]]:
+    """Keyword, options, first byte, and begin and end of the data, of each keyword."""
+    heads = []
+    for match in re.finditer(rb"(?m)^[ \t]*\*[^\r\n]*", clean):
+        begin, end = match.span()
+        while clean[begin:end].rstrip().endswith(b",") and end < len(clean):
+            following = clean.find(b"\n", end + 2)  # the keyword goes on in the next line
+            end = len(clean) if following < 0 else following
+        heads.append((begin, end))
+    sections = []
+    for number, (begin, end) in enumerate(heads):
+        words = clean[begin:end].decode("latin-1").strip().lstrip("*").split(",")
+        options = {}
+        for word in words[1:]:
+            option, _, value = word.partition("=")
+            options[option.strip().upper()] = value.strip().strip('"')
+        stop = heads[number + 1][0] if number + 1 < len(heads) else len(clean)
+        key = " ".join(words[0].upper().split())
+        sections.append((key, options, begin, end, stop))
+    return sections
+
+
+def write(document: Document) -> bytes:
+    """Write nodes, elements and sets; an element set for each region."""
+    lines = ["*HEADING", "written by qsmooth", "*NODE"]
+    n = len(document.points)
+    lines += _commas(rows_of(np.arange(1, n + 1), document.plain_points))
+    names = {tag: name for name, (tag, dim) in document.names.items() if dim == 2}
+    first = 1
+    firsts: list[int] = []
+    for b, (kind, cells) in enumerate(document.blocks):
+        firsts.append(first)
+        if kind not in WRITTEN:
+            continue
+        tags = np.zeros(len(cells), np.int64) if document.tags is None else document.tags[b]
+        ids = np.arange(first, first + len(cells))
+        for tag in np.unique(tags).tolist():
+            name = names.get(tag, f"region_{tag}") if kind in FACES else f"line_{tag}"
+            option = "" if document.tags is None else f", ELSET={name}"
+            lines.append(f"*ELEMENT, TYPE={WRITTEN[kind]}{option}")
+            lines += _commas(rows_of(ids[tags == tag], cells[tags == tag] + 1))
+        first += len(cells)
+    for name, members in document.point_sets.items():
+        lines += [f"*NSET, NSET={name}", *_list(np.asarray(members) + 1)]
+    for name, parts in document.cell_sets.items():
+        if name not in document.names:
+            numbers = [
+                np.asarray(rows) + start
+                for rows, start, (kind, _) in zip(parts, firsts, document.blocks, strict=True)
+                if kind in WRITTEN
+            ]
+            lines += [f"*ELSET, ELSET={name}", *_list(np.concatenate(numbers))]
+    return finish(lines)
+
+
+def _commas(rows: list[str]) -> list[str]:
+    return [row.replace(" ", ", ") for row in rows]
+
+
+def _list(ids: IndexArray) -> list[str]:
+    """Ids, sixteen on a line, as many as Abaqus takes."""
+    words = list(map(str, ids.tolist()))
+    return [", ".join(words[i : i + 16]) for i in range(0, len(words), 16)]

@@ -1,0 +1,102 @@
+"""Wavefront OBJ: a letter says what each line holds."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from qsmooth._types import IndexArray
+from qsmooth.io.document import FACES, Document
+from qsmooth.io.text import Text, blanked, finish, rows_of
+
+NAME = "obj"
+ENDINGS = (".obj",)
+HOLDS = frozenset(("z", "line", "vertex"))
+
+KINDS = {1: "vertex", 2: "line", 3: "triangle", 4: "quad"}
+# Statements that are kept as they are: they say nothing of the mesh itself.
+OTHER = frozenset((b"vt", b"vn", b"vp", b"g", b"o", b"s", b"mg", b"usemtl", b"mtllib", b"usemap"))
+
+
+def sniff(head: bytes) -> bool:
+    """Whether a file that starts so is OBJ."""
+    first = blanked(head, rb"#[^\r\n]*").split(None, 1)[:1]
+    return bool(first) and (first[0] in OTHER or first[0] in (b"v", b"f"))
+
+
+def read(data: bytes) -> Document:
+    """Read OBJ; texture, normals, groups and materials are kept on writing."""
+    clean = blanked(data, rb"#[^\r\n]*") if b"#" in data else data
+    if b"\\" in clean:  # a line that goes on in the next one
+        clean = blanked(clean, rb"\\[ \t]*\r?\n")
+    if b"/" in clean:  # 7/1/3: vertex, texture, normal
+        clean = blanked(clean, rb"(?<=\d)/[\d/-]*")
+    text = Text(clean)
+    rows = text.rows
+    firsts, widths = rows[:-1], np.diff(rows)
+    letters = np.frombuffer(clean, np.uint8)[text.starts[firsts]]
+    alone = text.ends[firsts] - text.starts[firsts] == 1
+
+    of_letter = {letter: alone & (letters == ord(letter)) for letter in "vflp"}
+    known = of_letter["v"] | of_letter["f"] | of_letter["l"] | of_letter["p"]
+    others = set()
+    for row in np.flatnonzero(~known).tolist():
+        word = text.word(int(firsts[row]))
+        if word not in OTHER:
+            text.fail(int(firsts[row]), f"{word[:40].decode('latin-1')!r} is no statement of OBJ")
+        others.add(word.decode())
+
+    vertex = of_letter["v"]
+    short = np.flatnonzero(vertex & (widths < 4))
+    if short.size:
+        text.fail(int(firsts[short[0]]), "a vertex needs three coordinates")
+    tokens = firsts[vertex][:, None] + 1 + np.arange(3)
+    points = text.numbers_at(tokens.ravel()).reshape(-1, 3)
+    # A negative number counts back from the vertices read so far.
+    n_before = np.cumsum(vertex)
+
+    blocks, places = [], []
+    cell = of_letter["f"] | of_letter["l"] | of_letter["p"]
+    numbers = np.flatnonzero(cell)
+    short = numbers[widths[cell] < np.where(of_letter["f"][cell], 4, 2)]
+    if short.size:
+        text.fail(int(firsts[short[0]]), f"a cell with {widths[short[0]] - 1} vertices")
+    kinds = widths[cell] * 256 + letters[cell]
+    for i, j, ids in text.tables(firsts[cell] + 1, widths[cell] - 1, kinds):
+        n_corners = int(widths[numbers[i]]) - 1
+        letter = chr(letters[numbers[i]])
+        if (ids == 0).any():
+            row = int(np.flatnonzero((ids == 0).any(axis=1))[0])
+            text.fail(int(firsts[numbers[i + row]]), "vertex 0: OBJ counts from 1")
+        cells = np.where(ids > 0, ids - 1, n_before[numbers[i:j], None] + ids)
+        place = text.starts[firsts[numbers[i:j]]]
+        kind = KINDS.get(n_corners, f"polygon{n_corners}")
+        if letter == "l":  # a polyline: one line cell for each of its edges
+            place = np.repeat(place, n_corners - 1)
+            cells = np.stack((cells[:, :-1], cells[:, 1:]), axis=-1).reshape(-1, 2)
+            kind = "line"
+        elif letter == "p":
+            place, cells, kind = np.repeat(place, n_corners), cells.reshape(-1, 1), "vertex"
+        blocks.append((kind, cells))
+        places.append(place)
+    extras = [f"OBJ statements {', '.join(sorted(others))}"] if others else []
+    if bool((widths[vertex] > 4).any()):
+        extras.append("vertex weights or colours")
+    if b"/" in data and re.search(rb"^[ \t]*f[^#\n]*/", data, re.M):
+        extras.append("texture and normal numbers of faces")
+    extras += ["comments"] if b"#" in data else []
+    return Document(points, blocks, extras=tuple(extras), slots=text.slots(tokens), places=places)
+
+
+def write(document: Document) -> bytes:
+    """Write OBJ."""
+    lines = ["v " + row for row in rows_of(document.points_3d)]
+    for letter, kinds in (("f ", FACES), ("l ", ("line",)), ("p ", ("vertex",))):
+        for cells, _ in document.of_type(*kinds):
+            lines += [letter + row for row in rows_of(_from_one(cells))]
+    return finish(lines)
+
+
+def _from_one(cells: IndexArray) -> IndexArray:
+    return cells + 1

@@ -1,0 +1,67 @@
+"""Both Laplacian sweeps: by hand, and against the reference."""
+
+import numpy as np
+import pytest
+
+import reference
+from meshes import KINDS, fan, grid, random_mesh
+from qsmooth import Mesh, smooth, smooth_laplacian
+
+
+def agree(mesh, xy, expected):
+    size = np.ptp(mesh.xy, axis=0).max()
+    np.testing.assert_allclose(xy, [(z.real, z.imag) for z in expected], rtol=0, atol=1e-11 * size)
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("method", ["laplacian", "smart-laplacian"])
+def test_centre_goes_to_the_mean_of_its_ring(method):
+    points, cells = grid(2, 2)
+    points[4] = (1.25, 0.75)
+    points[5] = (2.5, 1.0)  # the ring is 1, 3, 5, 7; the opposite corners do not count
+    result = smooth(Mesh(points, cells), method, max_sweeps=1)
+    assert result.points[4] == pytest.approx((1.125, 1.0), abs=1e-15)
+    assert result.history[0].largest_move == pytest.approx(np.hypot(0.125, 0.25))
+
+
+@pytest.mark.nojit
+def test_all_at_once_and_not_one_after_the_other():
+    points, cells = grid(3, 2)  # two interior vertices, 5 and 6
+    points[5] = (1.0, 1.4)
+    result = smooth_laplacian(Mesh(points, cells), max_sweeps=1)
+    assert result.points[5] == pytest.approx((1.0, 1.0), abs=1e-15)
+    assert result.points[6] == pytest.approx((2.0, 1.1), abs=1e-15)
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("valence", [3, 4, 5, 7, 12, 40])
+def test_any_valence_reaches_the_mean_in_one_sweep(valence):
+    points, cells = fan(valence, "triangle")
+    points[1:] *= 1.0 + 0.1 * np.cos(2.1 * np.arange(valence))[:, None]
+    result = smooth_laplacian((points, cells), max_sweeps=1)
+    np.testing.assert_allclose(result.points[0], points[1:].mean(axis=0), atol=1e-15)
+    np.testing.assert_array_equal(result.points[1:], points[1:])
+
+
+@pytest.mark.parametrize("kind", sorted(KINDS))
+def test_plain_sweeps_agree_with_the_reference(kind):
+    mesh = random_mesh(kind, 6, seed=21, amount=0.9, turned=0.5).mesh
+    points, cells = reference.as_complex(mesh.xy), reference.as_lists(mesh)
+    order = mesh._topology.schedule(True).vertices.tolist()
+    for n in (1, 2, 3):
+        points = reference.laplacian_sweep(points, cells, order)
+        agree(mesh, smooth(mesh, "laplacian", max_sweeps=n, rtol=0.0).mesh.xy, points)
+
+
+@pytest.mark.parametrize("guard", ["quality", "clearance"])
+@pytest.mark.parametrize("kind", sorted(KINDS))
+def test_smart_sweeps_agree_with_the_reference(kind, guard):
+    mesh = random_mesh(kind, 6, seed=22, amount=0.9, turned=0.5).mesh
+    points, cells = reference.as_complex(mesh.xy), reference.as_lists(mesh)
+    order = mesh._topology.schedule(True).vertices.tolist()
+    worst = min(reference.scaled_jacobian(points, cell) for cell in cells)
+    options = reference.Options(good=max(0.5, worst) if guard == "quality" else None)
+    for n in (1, 2, 3):
+        points = reference.smart_laplacian_sweep(points, cells, order, options)
+        result = smooth(mesh, "smart-laplacian", max_sweeps=n, rtol=0.0, guard=guard)
+        agree(mesh, result.mesh.xy, points)

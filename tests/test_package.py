@@ -1,0 +1,112 @@
+"""The package as such: what importing it loads, its public names, and Numba's cache."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import qsmooth
+
+HEAVY = "numba", "llvmlite", "meshio", "matplotlib", "numpy", "scipy", "typer", "rich", "vtkmodules"
+
+
+def run(code, **environment):
+    """Run Python code in a fresh process; gives what it prints."""
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code],
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.nojit
+def test_import_loads_nothing_heavy():
+    code = "import sys, qsmooth, json; print(json.dumps(sorted(sys.modules)))"
+    loaded = set(json.loads(run(code)))
+    assert "qsmooth" in loaded
+    assert not loaded & set(HEAVY)
+
+
+@pytest.mark.nojit
+def test_classes_load_no_compiler():
+    code = (
+        "import sys, qsmooth, json\n"
+        "qsmooth.Mesh, qsmooth.MeshError, qsmooth.Quality, qsmooth.smooth\n"
+        "print(json.dumps(sorted(sys.modules)))"
+    )
+    assert not set(json.loads(run(code))) & {"numba", "meshio", "matplotlib"}
+
+
+@pytest.mark.nojit
+def test_reading_and_measuring_load_no_plotting():
+    code = (
+        "import sys, qsmooth, json\n"
+        "mesh = qsmooth.Mesh([(0, 0), (1, 0), (1, 1), (0, 1)], [(0, 1, 2, 3)])\n"
+        "qsmooth.quality(mesh).summary()\n"
+        "print(json.dumps(sorted(sys.modules)))"
+    )
+    loaded = set(json.loads(run(code, NUMBA_DISABLE_JIT="1")))
+    assert not loaded & {"meshio", "matplotlib", "typer"}
+
+
+@pytest.mark.nojit
+def test_public_names_are_there_and_documented():
+    for name in qsmooth.__all__:
+        value = getattr(qsmooth, name)
+        assert name == "__version__" or value.__doc__, name
+        assert name in dir(qsmooth)
+    with pytest.raises(AttributeError, match="module 'qsmooth' has no attribute 'smoothen'"):
+        qsmooth.smoothen  # noqa: B018
+
+
+@pytest.mark.nojit
+def test_smooth_and_quality_are_functions_after_their_modules_are_loaded():
+    code = (
+        "import qsmooth, qsmooth.smoothing, qsmooth.metrics\n"
+        "assert callable(qsmooth.smooth) and callable(qsmooth.quality)\n"
+        "from qsmooth import smooth, quality\n"
+        "assert callable(smooth) and callable(quality)"
+    )
+    run(code)
+
+
+# Runs a method in both forms, and says how the caches of its kernels were used.
+CACHE = """
+import json
+from qsmooth import Mesh, smooth
+from qsmooth.kernels import cell_metrics, star
+points = [(0, 0), (1, 0), (2, 0), (0, 1), (1.3, 1.2), (2, 1), (0, 2), (1, 2), (2, 2)]
+mesh = Mesh(points, [(0, 1, 4, 3), (1, 2, 5, 4), (4, 5, 8, 7), (3, 4, 7, 6)])
+out = {
+    f"points {n}": smooth(mesh, "star", threads=n, max_sweeps=3).points.tobytes().hex()
+    for n in (1, 2)
+}
+for name, kernel in {"star": star.star_sweep, "angles": cell_metrics.angles}.items():
+    for form in ("serial", "parallel"):
+        stats = getattr(kernel, form).stats
+        hits, misses = sum(stats.cache_hits.values()), sum(stats.cache_misses.values())
+        out[f"{name} {form}"] = [hits, misses]
+print(json.dumps(out))
+"""
+
+
+@pytest.mark.skipif(bool(os.environ.get("NUMBA_DISABLE_JIT")), reason="nothing is compiled")
+def test_a_second_process_compiles_nothing(tmp_path):
+    # Both forms of a kernel are cached, and neither is taken for the other.
+    first = json.loads(run(CACHE, NUMBA_CACHE_DIR=str(tmp_path), NUMBA_NUM_THREADS="2"))
+    assert any(Path(tmp_path).rglob("*.nbc"))
+    again = json.loads(run(CACHE, NUMBA_CACHE_DIR=str(tmp_path), NUMBA_NUM_THREADS="2"))
+    assert first["points 1"] == first["points 2"] == again["points 1"] == again["points 2"]
+    for kernel in ("star", "angles"):
+        for form in ("serial", "parallel"):
+            hits, misses = first[f"{kernel} {form}"]
+            assert hits == 0
+            assert misses > 0
+            assert again[f"{kernel} {form}"] == [misses, 0]
