@@ -21,6 +21,11 @@ SETTLED = 1e-5
 # Before the worst cells are seen to, the mean gets this many rounds, or settles to this.
 MEAN_ROUNDS = 12
 MEAN_GAIN = 1e-4
+# Sweeps that still gain this much a round after those rounds creep: a whole region has to move. Then
+# at most so many Newton steps on the whole mesh, while each gains more than this.
+CREEPING = 2e-3
+GLOBAL_STEPS = 8
+GLOBAL_GAIN = 2e-2
 # Stages of the worst cells: power 2 ** squarings of the wall, and where it stands as a fraction of the
 # worst corner's badness. The last one gives back what the mean need not have paid.
 WALLS = ((2, 0.7), (3, 0.8), (4, 0.85), (5, 0.9), (6, 0.9), (6, 0.95))
@@ -178,7 +183,7 @@ def optimize(mesh: Mesh, xy: FloatArray, schedule: Schedule, progress: Progress)
     if best.given.n_invalid:
         untangle(blocks, xy, progress)
         best.restart(xy)
-    _mean_stage(blocks, xy, best, progress)
+    _mean_stage(blocks, xy, schedule, best, progress)
     if options.worst and not best.reached_target():
         _worst_stage(blocks, xy, best, progress)
     progress.parts += best.verdict()
@@ -298,24 +303,62 @@ def untangle(blocks: Blocks, xy: FloatArray, progress: Progress) -> bool:
     return best_count == 0
 
 
-def _mean_stage(blocks: Blocks, xy: FloatArray, best: _Best, progress: Progress) -> None:
-    """Sweep downhill on the mean shape until it has settled."""
-    options = progress.options
-    settled = MEAN_GAIN if options.worst else SETTLED
-    first, energy = progress.sweeps, np.inf
-    while not progress.spent():
-        if options.worst and progress.sweeps - first >= MEAN_ROUNDS * ROUND:
-            break
+def _mean_stage(
+    blocks: Blocks, xy: FloatArray, schedule: Schedule, best: _Best, progress: Progress
+) -> None:
+    """Sweep downhill on the mean shape until it has settled.
+
+    Sweeps carry a change from neighbour to neighbour; where a whole region has to move they creep.
+    Newton steps on the whole mesh then take over, as long as each of them pays.
+    """
+    settled = MEAN_GAIN if progress.options.worst else SETTLED
+    first, energy, steps, rounds = progress.sweeps, np.inf, 0, 0
+    while not progress.spent() and not best.reached_target():
         blocks.newton(xy, 1.0, np.inf, 1, ROUND)
         progress.sweeps += ROUND
+        rounds += 1
         progress.callback(xy, blocks.moves)
-        shape = blocks.energy(xy)[1]
-        now = float(shape[np.isfinite(shape)].sum())
+        before, energy = energy, _total(blocks.energy(xy)[1])
         best.offer(xy)
-        if now >= energy * (1.0 - settled) or best.reached_target():
+        if energy >= before * (1.0 - settled):
             break
-        energy = now
-    progress.parts.append(f"improved the mean shape in {progress.sweeps - first} sweeps")
+        if rounds % MEAN_ROUNDS == 0:
+            gained = 0
+            if best.figures.n_invalid == 0 and energy < before * (1.0 - CREEPING):
+                gained = _global_steps(xy, schedule, best, progress)
+                steps += gained
+                energy = _total(blocks.energy(xy)[1])
+            if progress.options.worst and not gained:
+                break
+    progress.parts.append(
+        f"improved the mean shape in {progress.sweeps - first} sweeps"
+        + (f" and {steps} Newton steps on the whole mesh" if steps else "")
+    )
+
+
+def _global_steps(xy: FloatArray, schedule: Schedule, best: _Best, progress: Progress) -> int:
+    """Take Newton steps on all vertices at once while each pays; return their count."""
+    from qsmooth.newton import GlobalNewton
+
+    solver = GlobalNewton(best.mesh, schedule)
+    trial, shape = xy.copy(), 0.0
+    for count in range(GLOBAL_STEPS):
+        if progress.spent():
+            return count
+        gain = solver.step(trial)
+        # The sum of f counts bad cells for more than the mean of the shapes 1 / f does: a step that
+        # serves the first at the second's cost does not pay.
+        now = best.offer(trial) if gain else best.figures
+        if gain == 0.0 or now.shape < max(shape, best.best_shape - LEAST_GAIN):
+            return count
+        xy[:], shape = trial, now.shape
+        if gain < GLOBAL_GAIN:
+            return count + 1
+    return GLOBAL_STEPS
+
+
+def _total(energy: FloatArray) -> float:
+    return float(energy[np.isfinite(energy)].sum())
 
 
 def _worst_stage(blocks: Blocks, xy: FloatArray, best: _Best, progress: Progress) -> None:

@@ -90,10 +90,9 @@ def _projected(
 
 @helper()
 def corner_derivatives(
-    ux: float, uy: float, wx: float, wy: float, mean_weight: float, inv_limit: float,
-    power: float, gradient: FloatArray, hessian: FloatArray,
-) -> None:  # fmt: skip
-    """Derivatives of mean_weight · f + (f / limit)^power by (ux, uy, wx, wy), made semi-definite.
+    ux: float, uy: float, wx: float, wy: float, gradient: FloatArray, hessian: FloatArray
+) -> None:
+    """Derivatives of the shape energy by (ux, uy, wx, wy), the second made semi-definite.
 
     Parameters
     ----------
@@ -105,19 +104,16 @@ def corner_derivatives(
     aa, bb = px * px + py * py, mx * mx + my * my
     a, b = math.sqrt(aa), math.sqrt(bb)
     d = aa - bb
-    f = (aa + bb) / d
-    high = (f * inv_limit) ** power
-    first = mean_weight + power * high / f
-    second = power * (power - 1.0) * high / (f * f)
     inv = 1.0 / (d * d)
     f_a, f_b = -4.0 * a * bb * inv, 4.0 * aa * b * inv
     inv3 = inv / d
-    h_aa = first * 4.0 * bb * (3.0 * aa + bb) * inv3 + second * f_a * f_a
-    h_bb = first * 4.0 * aa * (aa + 3.0 * bb) * inv3 + second * f_b * f_b
-    h_ab = -first * 8.0 * a * b * (aa + bb) * inv3 + second * f_a * f_b
-    h_aa, h_ab, h_bb = _projected(h_aa, h_ab, h_bb)
-    # Along p's circle the eigenvalue, first · f_a / a, is never positive; along m's it is never negative.
-    h_circle = first * 4.0 * aa * inv
+    h_aa, h_ab, h_bb = _projected(
+        4.0 * bb * (3.0 * aa + bb) * inv3,
+        -8.0 * a * b * (aa + bb) * inv3,
+        4.0 * aa * (aa + 3.0 * bb) * inv3,
+    )
+    # Along p's circle the eigenvalue, f_a / a, is never positive; along m's, f_b / b, it always is.
+    h_circle = 4.0 * aa * inv
     # Unit vectors of the two parts; where m vanishes its direction does not matter, as then
     # h_ab = 0 and h_bb = h_circle.
     pnx, pny = px / a, py / a
@@ -126,8 +122,6 @@ def corner_derivatives(
     e0, e1, e2, e3 = ROOT_HALF * pnx, ROOT_HALF * pny, -ROOT_HALF * pny, ROOT_HALF * pnx
     g0, g1, g2, g3 = ROOT_HALF * mnx, ROOT_HALF * mny, ROOT_HALF * mny, -ROOT_HALF * mnx
     n0, n1, n2, n3 = -ROOT_HALF * mny, ROOT_HALF * mnx, ROOT_HALF * mnx, ROOT_HALF * mny
-    f_a *= first
-    f_b *= first
     e, g, n = (e0, e1, e2, e3), (g0, g1, g2, g3), (n0, n1, n2, n3)
     for i in range(4):
         gradient[i] = f_a * e[i] + f_b * g[i]
@@ -148,9 +142,6 @@ def assemble(
     unknown: IndexArray,
     offsets: IndexArray,
     columns: IndexArray,
-    mean_weight: float,
-    limit: float,
-    power: float,
     gradient: FloatArray,
     values: FloatArray,
 ) -> None:
@@ -162,8 +153,6 @@ def assemble(
     ----------
     unknown, offsets, columns
         As in `block_pattern`.
-    mean_weight, limit, power
-        The energy of a corner is mean_weight · f + (f / limit)^power.
     gradient : (n_unknown, 2)
         Overwritten.
     values : (n_blocks, 2, 2)
@@ -171,7 +160,6 @@ def assemble(
     """
     gradient[:] = 0.0
     values[:] = 0.0
-    inv_limit = 1.0 / limit
     g, h = np.empty(4), np.empty((4, 4))
     # The corner's energy sees its three vertices through u and w: row by vertex (corner, next,
     # previous), column by vector.
@@ -202,7 +190,7 @@ def assemble(
                 uy += weight[i, 0] * dy
                 wx += weight[i, 1] * dx
                 wy += weight[i, 1] * dy
-            corner_derivatives(ux, uy, wx, wy, mean_weight, inv_limit, power, g, h)
+            corner_derivatives(ux, uy, wx, wy, g, h)
             for i in range(3):
                 row = unknown[ids[i]]
                 if row < 0:
