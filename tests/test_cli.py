@@ -13,6 +13,8 @@ from qsmooth import Mesh, __version__, quality, read_mesh, smooth, write_mesh
 from qsmooth.cli import run
 from qsmooth.examples import spiral
 
+pytestmark = pytest.mark.nojit
+
 COMMANDS = ["smooth", "quality", "compare", "info", "demo"]
 
 
@@ -161,7 +163,7 @@ def test_whatever_goes_wrong_is_one_line(capfd, monkeypatch, mesh_file, error, c
 
     monkeypatch.setattr("qsmooth.io.read_mesh", fail)
     assert run(["quality", str(mesh_file)]) == code
-    assert capfd.readouterr().err == message
+    assert capfd.readouterr().err.lstrip() == message  # some versions of Typer break the line
 
 
 @pytest.mark.skipif(os.name != "posix", reason="pipes break otherwise elsewhere")
@@ -339,10 +341,14 @@ def test_options_out_of_range(fails, mesh_file, tmp_path, arguments, message):
 def test_places_that_cannot_be_written(fails, mesh_file, tmp_path):
     assert "there is no folder" in fails("smooth", mesh_file, "-o", tmp_path / "no" / "out.off")
     assert "is a folder" in fails("smooth", mesh_file, "-o", tmp_path)
+    out_file = tmp_path / "out.off"
+    assert "takes a folder" in fails("smooth", mesh_file, "-o", out_file, "--plot", mesh_file)
+    assert not out_file.exists()
 
 
-def test_smooth_with_figures(call, mesh_file, tmp_path):
+def test_smooth_with_figures(call, mesh_file, tmp_path, monkeypatch):
     pytest.importorskip("matplotlib")
+    monkeypatch.setattr("qsmooth.plot.VIEWS", ("worst",))  # for speed
     folder = tmp_path / "figures"
     code, out, _ = call(
         "smooth", mesh_file, "-o", tmp_path / "out.off", "--sweeps", 2, "--plot", folder,
@@ -388,7 +394,7 @@ def test_quality_shows_extremes_and_worst_cells(call, mesh_file):
     assert "Cells not valid" in out
     assert "The 4 worst cells by largest angle" in out
     for cell in measured.worst(4, "max_angle").cells:
-        assert f"cell {cell} " in out
+        assert re.search(rf"^{cell} +[-\d.]+ +[-\d.]+ .* valid$", out, re.MULTILINE)
 
 
 @pytest.mark.parametrize(

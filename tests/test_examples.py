@@ -4,6 +4,8 @@ import pytest
 from qsmooth import Mesh, quality
 from qsmooth.examples import DEMO_FILE, demo_mesh, spiral
 
+pytestmark = pytest.mark.nojit
+
 
 @pytest.mark.parametrize("n_quads", [200, 1000, 1900, 6000])
 @pytest.mark.parametrize("seed", [0, 1])

@@ -1,4 +1,5 @@
 import json
+import os
 
 import numpy as np
 import pytest
@@ -7,6 +8,8 @@ from qsmooth import Mesh, read_mesh
 from qsmooth.errors import MeshError
 from qsmooth.inspection import inspect
 from qsmooth.report import inspection_table
+
+pytestmark = pytest.mark.nojit
 
 SQUARES = [(0, 0), (1, 0), (2, 0), (0, 1), (1, 1), (2, 1)]
 
@@ -130,6 +133,7 @@ def test_facts_are_fit_for_json_and_cut():
     assert ": vertices" not in str(inspection_table(facts, 0))
 
 
+@pytest.mark.skipif("NUMBA_DISABLE_JIT" in os.environ, reason="takes minutes in plain Python")
 @pytest.mark.filterwarnings("ignore::qsmooth.errors.MeshWarning")
 def test_every_readable_mesh_can_be_inspected(shared_meshes):
     n_read = 0

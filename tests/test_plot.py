@@ -9,6 +9,8 @@ from qsmooth.plot import VIEWS, plot_comparison, plot_histograms, plot_mesh, sav
 
 pytest.importorskip("matplotlib")
 
+pytestmark = pytest.mark.nojit
+
 TILT = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, 0.25]])
 
 
@@ -121,10 +123,11 @@ ODD = {
 @pytest.mark.parametrize("pair", ODD.values(), ids=ODD.keys())
 def test_odd_meshes_are_drawn(pair, tmp_path):
     for view in VIEWS:
-        plot_comparison(pair, pair, view=view, path=tmp_path / f"{view}.png")
-    plot_histograms(pair, path=tmp_path / "histograms.png")
+        plot_comparison(pair, pair, view=view)
+    plot_comparison(pair, pair, view="worst", path=tmp_path / "worst.png")
+    plot_histograms(pair)
     plot_mesh(pair, metric="aspect_ratio", path=tmp_path / "mesh.svg")
-    assert len(list(tmp_path.iterdir())) == len(VIEWS) + 2
+    assert len(list(tmp_path.iterdir())) == 2
 
 
 def test_all_figures_are_saved(mesh, result, tmp_path):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import reference
-from meshes import annulus, grid, random_mesh, tangle
+from meshes import annulus, grid, random_mesh, tangle, tilt
 from qsmooth import (
     Mesh,
     quality,
@@ -16,6 +16,7 @@ from qsmooth import (
     smooth_quad,
     smooth_smart_laplacian,
     smooth_star,
+    smoothing,
 )
 
 GUARDED = {
@@ -428,6 +429,30 @@ def test_disconnected_parts_are_each_on_their_own():
     alone = smooth_star(one.mesh, max_sweeps=5, rtol=0.0, guard="clearance")
     np.testing.assert_allclose(result.points[:n], alone.points, atol=1e-10)
     assert result.after.n_invalid == 0
+
+
+@pytest.mark.nojit
+def test_what_is_valid_by_a_hair_in_a_tilted_plane_is_valid_as_it_is_stored():
+    # The centre of four squares goes to a hair's breadth from a diagonal. In the plane's own
+    # coordinates that is valid; where rounding to points in space would spoil it, it goes back.
+    kept, taken_back = 0, 0
+    flat, cells = grid(2, 2)
+    for seed in range(20):
+        mesh = Mesh(tilt(flat, seed) + 1000.0, cells)
+        a, b = mesh.xy[1], mesh.xy[3]
+        xy = mesh.xy.copy()
+        for hair in (1e-15, 1e-14, 1e-11):
+            xy[4] = 0.3 * a + 0.7 * b + hair * (mesh.xy[8] - mesh.xy[0])
+            if quality(mesh._at_xy(xy)).n_invalid:
+                continue
+            result = smoothing._stored(mesh, xy.copy())
+            assert quality(result).n_invalid == 0
+            moved = (result.points != mesh.points).any(axis=1)
+            assert moved.tolist() in ([False] * 9, [v == 4 for v in range(9)])
+            kept += moved.any()
+            taken_back += not moved.any()
+    assert kept
+    assert taken_back
 
 
 @pytest.mark.nojit

@@ -331,6 +331,8 @@ def smooth(
     if plot is not None:
         from qsmooth.plot import require_matplotlib
 
+        if plot.exists() and not plot.is_dir():
+            raise ValueError(f"'{plot}' is a file; --plot takes a folder")
         require_matplotlib()
     options = _given(
         rtol=rtol, guard=guard, max_angle=max_angle, min_angle=min_angle,
@@ -797,9 +799,14 @@ def _print(text: str) -> None:
 
 def _table(table: Table) -> None:
     if _is_terminal(sys.stdout):
-        _console(sys.stdout).print(table)
-    else:
-        _print(f"{table}\n")
+        from rich.measure import Measurement
+
+        console = _console(sys.stdout)
+        options = console.options.update(max_width=10_000)
+        if table.left or Measurement.get(console, options, table).minimum <= console.width:
+            console.print(table)
+            return
+    _print(f"{table}\n")  # the terminal breaks lines, where rich would cut them
 
 
 def _heading(text: str) -> None:

@@ -192,16 +192,11 @@ def _coincident(mesh: Mesh) -> Finding:
     order = np.lexsort(xy.T[::-1])
     xy, ids = xy[order], ids[order]
     starts = np.flatnonzero(np.append(True, (xy[1:] != xy[:-1]).any(axis=1)))
-    ends = np.append(starts[1:], len(ids))
-    groups = (
-        [
-            tuple(sorted(ids[start:end].tolist()))
-            for start, end in zip(starts, ends, strict=True)
-            if end - start > 1
-        ]
-        if len(starts) < len(ids)
-        else []
-    )
+    sizes = np.diff(starts, append=len(ids))
+    groups = [
+        tuple(sorted(ids[start : start + size].tolist()))
+        for start, size in zip(starts[sizes > 1], sizes[sizes > 1], strict=True)
+    ]
     groups.sort()
     return Finding(
         "coincident vertices",

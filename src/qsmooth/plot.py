@@ -43,6 +43,9 @@ LARGEST_OUTLINED_SHARE = 0.1
 ZOOM_CELLS = 120
 # Places that are tried when looking for the narrowest and the best.
 CANDIDATES = 300
+# Of the places with about the largest share of the boundary, from this fraction up, the smallest
+# is shown as the narrow one.
+NARROW_SHARE = 0.9
 # Cells beyond this many go into an SVG as an image; a picture of each would weigh megabytes.
 VECTOR_CELLS = 6000
 DPI = 200
@@ -119,8 +122,8 @@ def plot_comparison(
     view
         ``"whole"``: side by side. ``"overlay"``: drawn over each other in two colours,
         whole and around the worst cell. ``"worst"``, ``"narrow"``, ``"good"``: side by side,
-        zoomed on the worst cell of `before`, on a narrow place of the domain, on a place that was
-        good already.
+        zoomed on the worst cell of `before`, on a narrow place of the domain, on the place that
+        was best before.
     metric, worst, title, path
         As in `plot_mesh`.
 
@@ -169,7 +172,7 @@ def plot_comparison(
         "whole": f"Before and after: cells by {METRIC_WORDS[metric]}",
         "worst": "Around the worst cell",
         "narrow": "In a narrow place",
-        "good": "Where the mesh was good already",
+        "good": "Where the mesh was best before",
     }
     figure.suptitle(title or headings[view], fontsize=13)
     _colour_bar(figure, panels, metric, meshes[0])
@@ -373,20 +376,23 @@ def _candidates(mesh: Mesh) -> IndexArray:
 
 
 def _narrow_window(mesh: Mesh) -> FloatArray:
-    """Around the candidate whose neighbourhood has the most corners on the boundary."""
+    """Around the candidate whose neighbourhood has many corners on the boundary and is small."""
     sizes = np.diff(mesh.cell_offsets)
     on_boundary = mesh.is_boundary[mesh.cell_vertices].astype(np.float64)
     share = np.add.reduceat(on_boundary, mesh.cell_offsets[:-1]) / sizes
     centres, candidates = _centres(mesh), _candidates(mesh)
-    means = [share[_nearest(centres, int(c))].mean() for c in candidates]
-    return _around(mesh, int(candidates[int(np.argmax(means))]))
+    near = [_nearest(centres, int(c)) for c in candidates]
+    shares = np.array([share[cells].mean() for cells in near])
+    extents = np.array([np.ptp(centres[cells], axis=0).max() for cells in near])
+    extents[shares < NARROW_SHARE * shares.max()] = np.inf
+    return _around(mesh, int(candidates[int(np.argmin(extents))]))
 
 
 def _good_window(mesh: Mesh, measured: Quality) -> FloatArray:
-    """Around the candidate whose neighbourhood has the best worst cell."""
+    """Around the candidate whose neighbourhood has the best mean."""
     centres, candidates = _centres(mesh), _candidates(mesh)
-    least = [measured.scaled_jacobian[_nearest(centres, int(c))].min() for c in candidates]
-    return _around(mesh, int(candidates[int(np.argmax(least))]))
+    means = [measured.scaled_jacobian[_nearest(centres, int(c))].mean() for c in candidates]
+    return _around(mesh, int(candidates[int(np.argmax(means))]))
 
 
 def _seen(mesh: Mesh, window: FloatArray) -> BoolArray:

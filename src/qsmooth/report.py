@@ -95,9 +95,10 @@ class Table:
     note: str = ""
     left: bool = False  # texts, not numbers: aligned left
     title: str = ""
+    corner: str = ""  # name of the first column
 
     def __str__(self) -> str:
-        heads = ("", *self.columns)
+        heads = (self.corner, *self.columns)
         lines = [
             (row.label, *self._marked(section, row))
             for section in self.sections
@@ -141,7 +142,7 @@ class Table:
         if self.title:
             table.title, table.title_justify = Text(self.title, style="bold"), "left"
         table.show_header = any(self.columns)
-        table.add_column("", no_wrap=True)
+        table.add_column(self.corner, no_wrap=True, header_style="bold")
         for k, name in enumerate(self.columns):
             values = [
                 self._marked(section, row)[k] for section in self.sections for row in section.rows
@@ -149,8 +150,8 @@ class Table:
             table.add_column(
                 name,
                 justify="left" if self.left else "right",
-                # Where room is short names are broken, and texts, but no number.
-                min_width=0 if self.left else max(map(len, values), default=0),
+                # Where room is short names are broken, and texts, but no number and no word.
+                min_width=0 if self.left else max(map(len, [*values, *name.split()]), default=0),
                 overflow="fold",
                 header_style="bold",
             )
@@ -275,8 +276,7 @@ def comparison_tables(
     per_table, length = len(names), LONGEST_BAR
     if width is not None:
         # A column is a bar, a blank, seven characters of per cent, the mark, and rich's padding.
-        least = max(13, *(len(name) + 2 for name in names))
-        per_table = max(2, min(len(names), (width - label - 4) // least))
+        per_table = max(2, min(len(names), (width - label - 4) // 13))
         length = max(0, min(LONGEST_BAR, (width - label - 4) // per_table - 12))
     whole = (
         effort,
@@ -315,11 +315,12 @@ def worst_table(quality: Quality, k: int, by: str) -> Table:
     if centres.shape[1] == 3 and len(centres) and np.ptp(centres[:, 2]) == 0.0:
         centres = centres[:, :2]  # a level mesh, most likely
     axes = "xyz"[: centres.shape[1]]
+    extent = float(np.ptp(quality._mesh.points, axis=0).max())
     rows = tuple(
         Row(
-            f"cell {cell}",
+            str(cell),
             (
-                *(f"{value:.8g}" for value in centres[n]),
+                *(place_text(float(value), extent) for value in centres[n]),
                 *(metric_text(name, float(worst.values[name][n])) for name in HIGHER_IS_BETTER),
                 Validity(int(validity[n])).name.lower(),
             ),
@@ -330,7 +331,7 @@ def worst_table(quality: Quality, k: int, by: str) -> Table:
     heads += [METRIC_WORDS[name].capitalize() for name in HIGHER_IS_BETTER]
     heads = [head.replace("jacobian", "Jacobian") for head in heads]
     title = f"The {plural(len(rows), 'worst cell')} by {METRIC_WORDS[by]} (cells count from 0)"
-    return Table((*heads, "State"), (Section("", rows),), title=title)
+    return Table((*heads, "State"), (Section("", rows),), title=title, corner="Cell")
 
 
 def inspection_table(facts: Inspection, n_ids: int) -> Table:
@@ -396,6 +397,12 @@ def metric_text(metric: str, value: float) -> str:
     if metric == "aspect_ratio":
         return number_text(value)
     return f"{value:.4f}"
+
+
+def place_text(value: float, extent: float) -> str:
+    """Write a coordinate to a millionth of the mesh's extent."""
+    decimals = 5 - math.floor(math.log10(extent)) if extent > 0.0 else 99
+    return f"{value:.{max(decimals, 0)}f}" if -4 < decimals < 12 else f"{value:.8g}"
 
 
 def number_text(value: float) -> str:

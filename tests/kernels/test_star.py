@@ -167,3 +167,12 @@ def test_on_a_tangled_mesh_it_agrees_too():
     for n in (1, 2, 3):
         points = reference.star_sweep(points, cells, order, reference.Options(good=0.5, step=0.25))
         agree(mesh, smooth(mesh, "star", max_sweeps=n, rtol=0.0).mesh.xy, points)
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize(("d", "moves"), [(5e-13, False), (1e-11, True)])
+def test_what_is_below_the_tolerated_loss_is_no_proposal(d, moves):
+    # The slides are d / (2·√2) long, and τ is 1e-12: its longest edge is 1.
+    mesh = four_squares((1.0, 1.0 + d))
+    xy, *_ = sweep(mesh)
+    assert (xy[4, 1] != mesh.xy[4, 1]) == moves
