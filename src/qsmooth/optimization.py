@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 import numpy as np
 
@@ -86,24 +87,20 @@ class Figures:
         )
 
 
-@dataclass
-class Options:
-    """Checked options of the optimiser."""
-
-    objective: str = "shape"
-    worst: bool = True
-    target_quality: float | None = None
-    time_limit: float | None = None
-    max_sweeps: int = 5000
-    mean_loss: float = MEAN_LOSS
+# Called with the coordinates, and the length and share of each vertex's last move, every round.
+Note: TypeAlias = Callable[[FloatArray, FloatArray, FloatArray], None]
 
 
 @dataclass
 class Progress:
-    """What the optimiser has done so far, and its clock."""
+    """Options of the optimiser, what it has done so far, and its clock."""
 
-    options: Options
-    callback: Callable[[FloatArray, FloatArray], None]
+    worst: bool
+    target_quality: float | None
+    time_limit: float | None
+    max_sweeps: int
+    mean_loss: float
+    note: Note
     sweeps: int = 0
     parts: list[str] = field(default_factory=list)
     started: float = field(default_factory=time.perf_counter)
@@ -111,14 +108,22 @@ class Progress:
 
     def spent(self) -> bool:
         """Whether a limit that the caller set is reached."""
-        if self.sweeps >= self.options.max_sweeps:
-            self.limit = f"max_sweeps={self.options.max_sweeps} was reached"
+        if self.sweeps >= self.max_sweeps:
+            self.limit = f"max_sweeps={self.max_sweeps} was reached"
         elif (
-            self.options.time_limit is not None
-            and time.perf_counter() - self.started >= self.options.time_limit
+            self.time_limit is not None
+            and time.perf_counter() - self.started >= self.time_limit
         ):
-            self.limit = f"the time limit of {self.options.time_limit:g} s was reached"
+            self.limit = f"the time limit of {self.time_limit:g} s was reached"
         return bool(self.limit)
+
+    def next_round(self) -> int:
+        """Sweeps of the next round."""
+        return min(ROUND, self.max_sweeps - self.sweeps)
+
+    def verdict(self) -> str:
+        """Say in words what was done and what limits it."""
+        return "; ".join([*self.parts, *([self.limit] if self.limit else [])])
 
 
 class Blocks:
@@ -135,19 +140,32 @@ class Blocks:
             schedule.colour_offsets, schedule.vertices, schedule.offsets, schedule.corners
         )
         self._arguments = colour_blocks, blocks, vertices, stars, schedule.largest_star
-        self.moves = np.zeros(vertices.size)
+        self._vertices, self._rings = vertices, (mesh.ring_offsets, mesh.ring_vertices)
+        self.moves, self._shortest = np.zeros(vertices.size), np.empty(vertices.size)
         self._badness, self._shape = np.empty(mesh.n_cells), np.empty(mesh.n_cells)
 
     def newton(
-        self, xy: FloatArray, mean_weight: float, limit: float, squarings: int, sweeps: int
+        self, xy: FloatArray, mean_weight: float, limit: float, squarings: int, progress: Progress
     ) -> None:
-        """Sweep downhill on mean_weight · f + (g / limit)^(2^squarings)."""
+        """Sweep a round downhill on mean_weight · f + (g / limit)^(2^squarings)."""
         from qsmooth.kernels.newton import newton_sweep
 
-        for _ in range(sweeps):
+        for _ in range(progress.next_round()):
             newton_sweep(
                 xy, *self._arguments, RELAXATION, mean_weight, limit, squarings, self.moves
             )
+            progress.sweeps += 1
+        self.report(xy, progress)
+
+    def report(self, xy: FloatArray, progress: Progress) -> None:
+        """Tell the caller of the last sweep."""
+        from qsmooth.kernels.untangle import shortest_edges
+
+        shortest_edges(xy, *self._rings, self._vertices, self._shortest)
+        shares = np.divide(
+            self.moves, self._shortest, out=np.zeros_like(self.moves), where=self.moves > 0.0
+        )
+        progress.note(xy, self.moves, shares)
 
     def untangle(self, xy: FloatArray, sizes: FloatArray, epsilon: float) -> None:
         """Sweep once downhill on the regularised energy."""
@@ -163,38 +181,45 @@ class Blocks:
         return self._badness, self._shape
 
 
-def optimize(mesh: Mesh, xy: FloatArray, schedule: Schedule, progress: Progress) -> FloatArray:
-    """Improve coordinates by all stages; return the best place that was seen.
+def optimize(mesh: Mesh, schedule: Schedule, progress: Progress) -> FloatArray:
+    """Improve a mesh by all stages; return the best coordinates that were seen, (n, 2).
 
     Parameters
     ----------
     mesh
         The mesh; its own coordinates are what the result must not be worse than.
-    xy : (n_vertices, 2)
-        Where to begin. Overwritten.
     schedule
         The movable vertices.
     progress
         Options, callback and clock; sweeps and what was done are noted there.
     """
-    options = progress.options
-    blocks = Blocks(mesh, schedule)
-    best = _Best(mesh, options)
+    blocks, xy = Blocks(mesh, schedule), mesh.xy.copy()
+    best = _Best(mesh, progress)
     if best.given.n_invalid:
-        untangle(blocks, xy, progress)
+        _untangle(blocks, xy, progress)
         best.restart(xy)
     _mean_stage(blocks, xy, schedule, best, progress)
-    if options.worst and not best.reached_target():
+    if progress.worst and not best.reached_target():
         _worst_stage(blocks, xy, best, progress)
     progress.parts += best.verdict()
     return best.xy
 
 
+def untangle(mesh: Mesh, schedule: Schedule, progress: Progress) -> FloatArray:
+    """Make a mesh valid, or as nearly so as was seen; return its coordinates, (n, 2)."""
+    xy = mesh.xy.copy()
+    if _n_invalid(mesh, xy):
+        _untangle(Blocks(mesh, schedule), xy, progress)
+    else:
+        progress.parts.append("the mesh is valid: there was nothing to untangle")
+    return xy
+
+
 class _Best:
     """The best coordinates so far, by the promise that no figure gets worse than it was."""
 
-    def __init__(self, mesh: Mesh, options: Options) -> None:
-        self.mesh, self.options = mesh, options
+    def __init__(self, mesh: Mesh, progress: Progress) -> None:
+        self.mesh, self.progress = mesh, progress
         self.given = Figures.of(mesh)
         self.xy, self.figures = mesh.xy.copy(), self.given
         self._given_xy = mesh.xy.copy()
@@ -228,7 +253,7 @@ class _Best:
 
     def floor(self) -> float:
         """Mean shape that the worst cells may not cost more than."""
-        return (1.0 - self.options.mean_loss) * self.best_shape
+        return (1.0 - self.progress.mean_loss) * self.best_shape
 
     def _better(self, now: Figures, then: Figures) -> bool:
         """Whether the worst cell is better, or about as good with a better mean."""
@@ -239,7 +264,7 @@ class _Best:
 
     def reached_target(self) -> bool:
         """Whether the smallest scaled Jacobian is what the caller asked for."""
-        target = self.options.target_quality
+        target = self.progress.target_quality
         return target is not None and self.figures.scaled_jacobian >= target
 
     def verdict(self) -> list[str]:
@@ -259,14 +284,8 @@ class _Best:
         return []
 
 
-def untangle(blocks: Blocks, xy: FloatArray, progress: Progress) -> bool:
-    """Sweep until every cell is valid; else leave the coordinates with the fewest invalid cells.
-
-    Returns
-    -------
-    bool
-        Whether the mesh is valid now.
-    """
+def _untangle(blocks: Blocks, xy: FloatArray, progress: Progress) -> None:
+    """Sweep until every cell is valid; else leave the coordinates with the fewest invalid cells."""
     from qsmooth.kernels.untangle import smallest_determinant
 
     mesh = blocks.mesh
@@ -289,7 +308,7 @@ def untangle(blocks: Blocks, xy: FloatArray, progress: Progress) -> bool:
         blocks.untangle(xy, sizes, epsilon)
         progress.sweeps += 1
         if progress.sweeps % ROUND == 0:
-            progress.callback(xy, blocks.moves)
+            blocks.report(xy, progress)
         if worst > 0.0 or progress.sweeps % ROUND == 0 or (smallest <= 0.0).sum() < best_count:
             count = _n_invalid(mesh, xy)
             if count < best_count:
@@ -300,7 +319,6 @@ def untangle(blocks: Blocks, xy: FloatArray, progress: Progress) -> bool:
         progress.parts.append(f"untangled {given} cells in {sweeps} sweeps")
     else:
         progress.parts.append(_what_stays_invalid(blocks, xy, best_count, given))
-    return best_count == 0
 
 
 def _mean_stage(
@@ -311,13 +329,11 @@ def _mean_stage(
     Sweeps carry a change from neighbour to neighbour; where a whole region has to move they creep.
     Newton steps on the whole mesh then take over, as long as each of them pays.
     """
-    settled = MEAN_GAIN if progress.options.worst else SETTLED
+    settled = MEAN_GAIN if progress.worst else SETTLED
     first, energy, steps, rounds = progress.sweeps, np.inf, 0, 0
     while not progress.spent() and not best.reached_target():
-        blocks.newton(xy, 1.0, np.inf, 1, ROUND)
-        progress.sweeps += ROUND
+        blocks.newton(xy, 1.0, np.inf, 1, progress)
         rounds += 1
-        progress.callback(xy, blocks.moves)
         before, energy = energy, _total(blocks.energy(xy)[1])
         best.offer(xy)
         if energy >= before * (1.0 - settled):
@@ -328,7 +344,7 @@ def _mean_stage(
                 gained = _global_steps(xy, schedule, best, progress)
                 steps += gained
                 energy = _total(blocks.energy(xy)[1])
-            if progress.options.worst and not gained:
+            if progress.worst and not gained:
                 break
     progress.parts.append(
         f"improved the mean shape in {progress.sweeps - first} sweeps"
@@ -368,9 +384,7 @@ def _worst_stage(blocks: Blocks, xy: FloatArray, best: _Best, progress: Progress
         patience, updates = WALL_PATIENCE, best.updates
         while patience and not progress.spent() and not best.reached_target():
             worst = _largest(blocks.energy(xy)[0])
-            blocks.newton(xy, weight, share * worst, squarings, ROUND)
-            progress.sweeps += ROUND
-            progress.callback(xy, blocks.moves)
+            blocks.newton(xy, weight, share * worst, squarings, progress)
             now = best.offer(xy)
             # Where the mean can't afford the wall, it gets a louder voice.
             weight = 2.0 * weight if now.shape < best.floor() else max(1.0, 0.5 * weight)

@@ -16,7 +16,7 @@ from numba import prange
 from qsmooth._types import BoolArray, FloatArray, IndexArray, TableArray
 from qsmooth.kernels._jit import helper, lane_helper, parallel_kernel
 from qsmooth.kernels.blocks import FIRST, LANES, N_QUADS, N_TRIANGLES, SIZE, STAR
-from qsmooth.kernels.geometry import orientation
+from qsmooth.kernels.geometry import distance, orientation
 from qsmooth.kernels.newton import (
     ENERGY, FRACTIONS, GX, GY, HXX, HXY, HYY, INV_ROOT3, PX, PY, ROW, ROW2, ROW3, ROW4, ROW5, ROW6,
     SX, SY, TODO, TRIAL, X, Y, gather_block, newton_step, start_trial,
@@ -273,3 +273,24 @@ def hopeless_cells(
                 turn = orientation(xy[d, 0], xy[d, 1], xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1])
                 out[c] = out[c] or turn <= 0
             d = a
+
+
+@parallel_kernel()
+def shortest_edges(
+    xy: FloatArray, ring_offsets: IndexArray, ring_vertices: IndexArray, vertices: TableArray,
+    out: FloatArray,
+) -> None:  # fmt: skip
+    """Measure the shortest edge of each listed vertex.
+
+    Parameters
+    ----------
+    vertices, out : (n_listed,)
+        `out` is overwritten; a length.
+    """
+    for i in prange(out.size):
+        v = vertices[i]
+        shortest = np.inf
+        for k in range(ring_offsets[v], ring_offsets[v + 1]):
+            w = ring_vertices[k]
+            shortest = min(shortest, distance(xy[v, 0], xy[v, 1], xy[w, 0], xy[w, 1]))
+        out[i] = shortest
