@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 _HOMES = {
+    "Limits": "metrics",
     "Mesh": "mesh",
     "MeshError": "errors",
     "MeshWarning": "errors",
@@ -17,6 +18,7 @@ _HOMES = {
     "Summary": "metrics",
     "SweepRecord": "smoothing",
     "Validity": "metrics",
+    "limits": "metrics",
     "plot_comparison": "plot",
     "plot_histograms": "plot",
     "plot_mesh": "plot",
@@ -26,13 +28,16 @@ _HOMES = {
     "smooth_angle": "smoothing",
     "smooth_aspect_ratio": "smoothing",
     "smooth_laplacian": "smoothing",
+    "smooth_optimize": "smoothing",
     "smooth_quad": "smoothing",
     "smooth_smart_laplacian": "smoothing",
     "smooth_star": "smoothing",
+    "untangle": "smoothing",
     "write_mesh": "io",
 }
 
 __all__ = [
+    "Limits",
     "Mesh",
     "MeshError",
     "MeshWarning",
@@ -42,6 +47,7 @@ __all__ = [
     "SweepRecord",
     "Validity",
     "__version__",
+    "limits",
     "plot_comparison",
     "plot_histograms",
     "plot_mesh",
@@ -51,9 +57,11 @@ __all__ = [
     "smooth_angle",
     "smooth_aspect_ratio",
     "smooth_laplacian",
+    "smooth_optimize",
     "smooth_quad",
     "smooth_smart_laplacian",
     "smooth_star",
+    "untangle",
     "write_mesh",
 ]
 
@@ -61,7 +69,7 @@ if TYPE_CHECKING:
     from qsmooth.errors import MeshError, MeshWarning
     from qsmooth.io import read_mesh, write_mesh
     from qsmooth.mesh import Mesh
-    from qsmooth.metrics import Quality, Summary, Validity, quality
+    from qsmooth.metrics import Limits, Quality, Summary, Validity, limits, quality
     from qsmooth.plot import plot_comparison, plot_histograms, plot_mesh
     from qsmooth.smoothing import (
         SmoothResult,
@@ -70,9 +78,11 @@ if TYPE_CHECKING:
         smooth_angle,
         smooth_aspect_ratio,
         smooth_laplacian,
+        smooth_optimize,
         smooth_quad,
         smooth_smart_laplacian,
         smooth_star,
+        untangle,
     )
 
 

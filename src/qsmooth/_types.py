@@ -9,4 +9,6 @@ FloatArray: TypeAlias = npt.NDArray[np.float64]
 IndexArray: TypeAlias = npt.NDArray[np.int64]
 # The tables that sweeps read: half the memory traffic of int64, and no wrap-around test per access.
 TableArray: TypeAlias = npt.NDArray[np.uint32]
+# The table of blocks; unsigned, as what is computed from it are offsets of lanes.
+BlockArray: TypeAlias = npt.NDArray[np.uint64]
 BoolArray: TypeAlias = npt.NDArray[np.bool_]

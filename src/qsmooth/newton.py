@@ -15,8 +15,8 @@ from qsmooth.metrics import Quality
 if TYPE_CHECKING:
     from scipy.sparse import bsr_matrix
 
-# Up to so many movable vertices a sparse LU is quicker than conjugate gradients with multigrid, whose
-# cost grows with the count alone (measured: 24K vertices .4 s against .6 s, 250K 16 s against 6 s).
+# Up to so many movable vertices a sparse LU is quicker than conjugate gradients with multigrid,
+# whose cost grows with the count alone (24K vertices .4 s against .6 s, 250K 16 s against 6 s).
 DIRECT_UP_TO = 50_000
 # The diagonal grows by this fraction, so that a semi-definite matrix can be factorised.
 SHIFT = 1e-8
@@ -113,9 +113,7 @@ def _solve(matrix: bsr_matrix, right: FloatArray) -> FloatArray:
     translations = np.tile(np.eye(2), (diagonal.size // 2, 1))
     with _fixed_random():
         levels = pyamg.smoothed_aggregation_solver(matrix, B=translations, max_coarse=500)
-        solved: FloatArray = levels.solve(
-            right, tol=TOLERANCE, maxiter=MOST_ITERATIONS, accel="cg"
-        )
+        solved: FloatArray = levels.solve(right, tol=TOLERANCE, maxiter=MOST_ITERATIONS, accel="cg")
     return solved
 
 

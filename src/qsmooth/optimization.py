@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 import numpy as np
 
-from qsmooth._types import FloatArray
+from qsmooth._types import BoolArray, FloatArray
 from qsmooth.mesh import Mesh, Schedule
 from qsmooth.metrics import Quality, Validity
 
@@ -22,13 +23,13 @@ SETTLED = 1e-5
 # Before the worst cells are seen to, the mean gets this many rounds, or settles to this.
 MEAN_ROUNDS = 12
 MEAN_GAIN = 1e-4
-# Sweeps that still gain this much a round after those rounds creep: a whole region has to move. Then
-# at most so many Newton steps on the whole mesh, while each gains more than this.
+# Sweeps that still gain this much a round after those rounds creep: a whole region has to move.
+# Then at most so many Newton steps on the whole mesh, while each gains more than this.
 CREEPING = 2e-3
 GLOBAL_STEPS = 8
 GLOBAL_GAIN = 2e-2
-# Stages of the worst cells: power 2 ** squarings of the wall, and where it stands as a fraction of the
-# worst corner's badness. The last one gives back what the mean need not have paid.
+# Stages of the worst cells: power 2 ** squarings of the wall, and where it stands as a fraction of
+# the worst corner's badness. The last one gives back what the mean need not have paid.
 WALLS = ((2, 0.7), (3, 0.8), (4, 0.85), (5, 0.9), (6, 0.9), (6, 0.95))
 # Rounds without a better result after which the next wall is put up.
 WALL_PATIENCE = 2
@@ -36,6 +37,8 @@ WALL_PATIENCE = 2
 MEAN_LOSS = 0.1
 # A result that is better by less than this in every figure is not worth moving a vertex for.
 LEAST_GAIN = 1e-3
+# Gain in the smallest scaled Jacobian for which the mean shape may get worse than it was.
+LEAST_TRADE = 1e-2
 # Sweeps without any progress after which untangling gives up.
 UNTANGLE_PATIENCE = 400
 # Sweeps of the logarithmic mean that makes the local size smooth.
@@ -44,25 +47,18 @@ SIZE_RINGS = 3
 
 @dataclass
 class Figures:
-    """The four figures that a result must not lower, and the count of cells that are not valid."""
+    """The four figures that a result must not lower, and two more.
+
+    `free_jacobian` is the smallest scaled Jacobian of the corners that can change, 0 where one of
+    them is not positive.
+    """
 
     min_angle: float
     max_angle: float
     scaled_jacobian: float
     shape: float
+    free_jacobian: float
     n_invalid: int
-
-    @classmethod
-    def of(cls, mesh: Mesh) -> Figures:
-        """Measure a mesh."""
-        quality = Quality(mesh)
-        return cls(
-            float(quality.min_angle.min()),
-            float(quality.max_angle.max()),
-            float(quality.scaled_jacobian.min()),
-            float(quality.shape.mean()),
-            quality.n_invalid,
-        )
 
     def no_worse(self, other: Figures) -> bool:
         """Whether none of the four figures is worse than the other's."""
@@ -77,12 +73,18 @@ class Figures:
             and self.scaled_jacobian >= other.scaled_jacobian
         )
 
+    def better(self, other: Figures) -> bool:
+        """Whether the worst corner is better, or about as good with a better mean."""
+        gain = self.free_jacobian - other.free_jacobian
+        return gain > LEAST_GAIN or (gain > -LEAST_GAIN and self.shape > other.shape)
+
     def gain(self, other: Figures) -> float:
         """Largest gain over the other in any figure; angles count in radians."""
         return max(
-            float(np.radians(self.min_angle - other.min_angle)),
-            float(np.radians(other.max_angle - self.max_angle)),
+            math.radians(self.min_angle - other.min_angle),
+            math.radians(other.max_angle - self.max_angle),
             self.scaled_jacobian - other.scaled_jacobian,
+            self.free_jacobian - other.free_jacobian,
             self.shape - other.shape,
         )
 
@@ -110,10 +112,7 @@ class Progress:
         """Whether a limit that the caller set is reached."""
         if self.sweeps >= self.max_sweeps:
             self.limit = f"max_sweeps={self.max_sweeps} was reached"
-        elif (
-            self.time_limit is not None
-            and time.perf_counter() - self.started >= self.time_limit
-        ):
+        elif self.time_limit is not None and time.perf_counter() - self.started >= self.time_limit:
             self.limit = f"the time limit of {self.time_limit:g} s was reached"
         return bool(self.limit)
 
@@ -194,14 +193,14 @@ def optimize(mesh: Mesh, schedule: Schedule, progress: Progress) -> FloatArray:
         Options, callback and clock; sweeps and what was done are noted there.
     """
     blocks, xy = Blocks(mesh, schedule), mesh.xy.copy()
-    best = _Best(mesh, progress)
+    best = _Best(blocks, progress)
     if best.given.n_invalid:
         _untangle(blocks, xy, progress)
-        best.restart(xy)
+        best.restart(xy, mean_counts=False)
     _mean_stage(blocks, xy, schedule, best, progress)
     if progress.worst and not best.reached_target():
         _worst_stage(blocks, xy, best, progress)
-    progress.parts += best.verdict()
+    progress.parts += best.settle()
     return best.xy
 
 
@@ -218,36 +217,38 @@ def untangle(mesh: Mesh, schedule: Schedule, progress: Progress) -> FloatArray:
 class _Best:
     """The best coordinates so far, by the promise that no figure gets worse than it was."""
 
-    def __init__(self, mesh: Mesh, progress: Progress) -> None:
-        self.mesh, self.progress = mesh, progress
-        self.given = Figures.of(mesh)
-        self.xy, self.figures = mesh.xy.copy(), self.given
-        self._given_xy = mesh.xy.copy()
-        self.best_shape = self.given.shape if self.given.n_invalid == 0 else 0.0
+    def __init__(self, blocks: Blocks, progress: Progress) -> None:
+        self.blocks, self.progress = blocks, progress
         self.updates = 0
+        self.restart(blocks.mesh.xy)
+
+    def restart(self, xy: FloatArray, *, mean_counts: bool = True) -> None:
+        """Take these coordinates as the ones that the result must not be worse than.
+
+        The mean shape of a mesh that has just been untangled is no one's: it does not count.
+        """
+        self._given_xy, self.xy = xy.copy(), xy.copy()
+        self.given = self.figures = self._measure(xy)
+        self.best_shape = self.given.shape if self.given.n_invalid == 0 else 0.0
+        if not mean_counts:
+            self.given = replace(self.given, shape=0.0)
         # The worst cells first: what to take where nothing keeps all four figures.
         self._trade: tuple[FloatArray, Figures] | None = None
 
-    def restart(self, xy: FloatArray) -> None:
-        """Take these coordinates as the ones that the result must not be worse than."""
-        self.given = self.figures = Figures.of(self.mesh._at_xy(xy))
-        self.xy[:] = xy
-        self._given_xy = xy.copy()
-        self.best_shape = self.given.shape
-
     def offer(self, xy: FloatArray) -> Figures:
         """Measure coordinates, and keep them if they are the best."""
-        now = Figures.of(self.mesh._at_xy(xy))
+        now = self._measure(xy)
         self.best_shape = max(self.best_shape, now.shape)
-        fewer = now.n_invalid < self.figures.n_invalid
         affordable = now.shape >= self.floor()
-        if fewer or (now.no_worse(self.given) and affordable and self._better(now, self.figures)):
-            self.updates += now.scaled_jacobian > self.figures.scaled_jacobian + LEAST_GAIN
+        if now.n_invalid < self.figures.n_invalid or (
+            affordable and now.no_worse(self.given) and now.better(self.figures)
+        ):
+            self.updates += now.free_jacobian > self.figures.free_jacobian + LEAST_GAIN
             self.xy[:], self.figures = xy, now
-        elif now.worst_no_worse(self.given) and affordable and now.n_invalid == 0:
-            if self._trade is None or self._better(now, self._trade[1]):
-                then = self.given if self._trade is None else self._trade[1]
-                self.updates += now.scaled_jacobian > then.scaled_jacobian + LEAST_GAIN
+        elif affordable and now.n_invalid == 0 and now.worst_no_worse(self.given):
+            then = self.given if self._trade is None else self._trade[1]
+            if self._trade is None or now.better(then):
+                self.updates += now.free_jacobian > then.free_jacobian + LEAST_GAIN
                 self._trade = xy.copy(), now
         return now
 
@@ -255,33 +256,35 @@ class _Best:
         """Mean shape that the worst cells may not cost more than."""
         return (1.0 - self.progress.mean_loss) * self.best_shape
 
-    def _better(self, now: Figures, then: Figures) -> bool:
-        """Whether the worst cell is better, or about as good with a better mean."""
-        if now.n_invalid != then.n_invalid:
-            return now.n_invalid < then.n_invalid
-        gain = now.scaled_jacobian - then.scaled_jacobian
-        return gain > LEAST_GAIN or (gain > -LEAST_GAIN and now.shape > then.shape)
-
     def reached_target(self) -> bool:
         """Whether the smallest scaled Jacobian is what the caller asked for."""
         target = self.progress.target_quality
-        return target is not None and self.figures.scaled_jacobian >= target
+        return target is not None and self.figures.free_jacobian >= target
 
-    def verdict(self) -> list[str]:
+    def settle(self) -> list[str]:
         """Settle on the result, and say what it had to give up."""
-        if self.figures.gain(self.given) < LEAST_GAIN:
-            trade = self._trade
-            if trade is not None and (
-                trade[1].scaled_jacobian > self.given.scaled_jacobian + 10.0 * LEAST_GAIN
-            ):
-                self.xy, self.figures = trade
-                return [
-                    "the worst cell went first: mean shape "
-                    f"{self.given.shape:.3f} -> {self.figures.shape:.3f}"
-                ]
-            self.xy, self.figures = self._given_xy, self.given
-            return ["nothing more was to gain"]
-        return []
+        if self.figures.gain(self.given) >= LEAST_GAIN:
+            return []
+        trade = self._trade
+        if trade and trade[1].free_jacobian > self.given.free_jacobian + LEAST_TRADE:
+            self.xy, self.figures = trade
+            return [
+                "the worst cells went first, as not all figures could be had: mean shape "
+                f"{self.given.shape:.3f} -> {self.figures.shape:.3f}"
+            ]
+        self.xy, self.figures = self._given_xy, self.given
+        return ["nothing more was to gain"]
+
+    def _measure(self, xy: FloatArray) -> Figures:
+        quality = Quality(self.blocks.mesh._at_xy(xy))
+        return Figures(
+            min_angle=float(quality.min_angle.min()),
+            max_angle=float(quality.max_angle.max()),
+            scaled_jacobian=float(quality.scaled_jacobian.min()),
+            shape=float(quality.shape.mean()),
+            free_jacobian=1.0 / float(self.blocks.energy(xy)[0].max()),
+            n_invalid=quality.n_invalid,
+        )
 
 
 def _untangle(blocks: Blocks, xy: FloatArray, progress: Progress) -> None:
@@ -293,6 +296,9 @@ def _untangle(blocks: Blocks, xy: FloatArray, progress: Progress) -> None:
     smallest = np.empty(mesh.n_cells)
     best_count, best_xy = _n_invalid(mesh, xy), xy.copy()
     given = best_count
+    if _hopeless(blocks, xy).sum() == best_count:
+        progress.parts.append(_what_stays_invalid(blocks, xy, best_count, given))
+        return
     floor, least, patience, first = 1e-4, -np.inf, UNTANGLE_PATIENCE, progress.sweeps
     while best_count and not progress.spent():
         smallest_determinant(xy, *blocks.cells, sizes, smallest)
@@ -356,7 +362,7 @@ def _global_steps(xy: FloatArray, schedule: Schedule, best: _Best, progress: Pro
     """Take Newton steps on all vertices at once while each pays; return their count."""
     from qsmooth.newton import GlobalNewton
 
-    solver = GlobalNewton(best.mesh, schedule)
+    solver = GlobalNewton(best.blocks.mesh, schedule)
     trial, shape = xy.copy(), 0.0
     for count in range(GLOBAL_STEPS):
         if progress.spent():
@@ -420,20 +426,25 @@ def _local_sizes(mesh: Mesh) -> FloatArray:
 
 def _what_stays_invalid(blocks: Blocks, xy: FloatArray, count: int, given: int) -> str:
     """Say which cells stay invalid, and for which of them that is proven."""
-    from qsmooth.kernels.untangle import hopeless_cells
-
-    mesh = blocks.mesh
-    invalid = Quality(mesh._at_xy(xy)).validity != Validity.VALID
-    hopeless = np.empty(mesh.n_cells, np.bool_)
-    hopeless_cells(xy, *blocks.cells, blocks.movable, hopeless)
+    invalid = Quality(blocks.mesh._at_xy(xy)).validity != Validity.VALID
+    hopeless = _hopeless(blocks, xy)
     first = int(np.argmax(invalid))
     text = f"{count} of {given} invalid cells stay invalid, the first is cell {first}"
-    proven = int((hopeless & invalid).sum())
+    proven = int(hopeless.sum())
     if proven:
         text += (
             f"; for {proven} of them nothing can help, as the vertices of a corner that is not "
-            f"convex are all fixed (the first is cell {int(np.argmax(hopeless & invalid))})"
+            f"convex are all fixed (the first is cell {int(np.argmax(hopeless))})"
         )
     if proven < count:
         text += f"; for {count - proven} no way was found, which does not prove that there is none"
     return text
+
+
+def _hopeless(blocks: Blocks, xy: FloatArray) -> BoolArray:
+    """Mark the cells that no move can make valid, (n_cells,)."""
+    from qsmooth.kernels.untangle import hopeless_cells
+
+    hopeless = np.empty(blocks.mesh.n_cells, np.bool_)
+    hopeless_cells(xy, *blocks.cells, blocks.movable, hopeless)
+    return hopeless

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from qsmooth._types import BoolArray, FloatArray
 from qsmooth.mesh import Mesh, MeshLike, Schedule, as_mesh
-from qsmooth.metrics import Quality, Summary, Validity, quality
+from qsmooth.metrics import Quality, Summary, Validity, limits, quality
 
 if TYPE_CHECKING:
     from qsmooth.split import Diagonal
@@ -1082,6 +1082,10 @@ def _optimized(
         with use_threads(_n_threads(settings, n_movable)):
             result = _stored(mesh, run(mesh, schedule, progress))
         reason = progress.verdict()
+        if not only_untangle:
+            reason += "; " + "; ".join(
+                str(limits(result, keep_interfaces=settings.keep_interfaces)).splitlines()
+            )
     seconds = time.perf_counter() - start
     after = quality(result).summary()
     return SmoothResult(

@@ -25,7 +25,7 @@ def helper() -> Callable[[F], F]:
 
 
 def lane_helper() -> Callable[[F], F]:
-    """Compile what a loop over lanes calls: always inlined by LLVM, as a call stops vectorisation."""
+    """Compile what a loop over lanes calls: always inlined, as a call stops vectorisation."""
     return cast("Callable[[F], F]", _njit(forceinline=True, **_COMMON))
 
 

@@ -5,22 +5,29 @@ many triangles, and cut into blocks of `LANES`. All vertices of a block then run
 passes, without a branch or a ragged loop, each in its lane.
 """
 
+from typing import Any
+
 import numpy as np
 
-from qsmooth._types import IndexArray, TableArray
+from qsmooth._types import BlockArray, IndexArray, TableArray
 from qsmooth.kernels._jit import kernel
 from qsmooth.kernels.topology import NO_VERTEX
 
-# Vertices in a block: enough to hide latencies, few enough that a star of eight quads stays in cache.
+# Vertices in a block: enough to hide latencies, few enough that a large star stays in cache.
 LANES = 64
 # Columns of the table of blocks.
 FIRST, SIZE, N_QUADS, N_TRIANGLES, STAR = range(5)
 
 
+def lane_row(k: int) -> Any:
+    """Offset of row k in a flat array of rows of lanes."""
+    return np.uint64(k * LANES)
+
+
 @kernel()
 def build_blocks(
     colour_offsets: IndexArray, vertices: TableArray, offsets: IndexArray, corners: TableArray
-) -> tuple[IndexArray, IndexArray, TableArray, TableArray, IndexArray]:
+) -> tuple[IndexArray, BlockArray, TableArray, TableArray, IndexArray]:
     """Cut coloured vertices into blocks of equal stars.
 
     Parameters

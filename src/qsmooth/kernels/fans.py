@@ -2,7 +2,6 @@
 
 import math
 
-import numpy as np
 from numba import prange
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray
@@ -41,8 +40,8 @@ def angle_bounds(
     """Bound the smallest and the largest angle at each vertex.
 
     Between two fixed edges that follow each other round a fixed vertex lie d cells and an angle θ
-    that nothing can change. So one of the d angles is at most θ / d, and one at least. Round a vertex
-    without a fixed edge θ is 360°.
+    that nothing can change. So one of the d angles is at most θ / d, and one at least. Round a
+    vertex without a fixed edge θ is 360°.
 
     Parameters
     ----------

@@ -2,11 +2,11 @@
 
 With the edge vectors u, w of a corner (in a triangle: of its image under the map that makes an
 equilateral triangle's corner square), put a for the length of their conformal part
-(u_x + w_y, u_y − w_x) / √2 and b for that of their anticonformal part (u_x − w_y, u_y + w_x) / √2. Then
-|u|² + |w|² = a² + b² and 2 det(u, w) = a² − b², so that the energy is (a² + b²) / (a² − b²): it does
-not depend on the directions of the two parts, and the eigenvalues of its 4 by 4 Hessian are those
-along the two circles and those of a 2 by 2 matrix in a and b. Clipping them at zero gives the nearest
-semi-definite matrix in closed form.
+(u_x + w_y, u_y − w_x) / √2 and b for that of their anticonformal part (u_x − w_y, u_y + w_x) / √2.
+Then |u|² + |w|² = a² + b² and 2 det(u, w) = a² − b², so that the energy is
+(a² + b²) / (a² − b²). It does not depend on the directions of the two parts: the eigenvalues of its
+4 by 4 Hessian are those along the two circles and those of a 2 by 2 matrix in a and b. Clipping
+them at zero gives the nearest semi-definite matrix in closed form.
 """
 
 import math
@@ -71,9 +71,7 @@ def block_pattern(
 
 
 @helper()
-def _projected(
-    radial_a: float, mixed: float, radial_b: float
-) -> tuple[float, float, float]:
+def _projected(radial_a: float, mixed: float, radial_b: float) -> tuple[float, float, float]:
     """Clip the eigenvalues of a symmetric 2 by 2 matrix at zero."""
     mean = 0.5 * (radial_a + radial_b)
     half = 0.5 * (radial_a - radial_b)
@@ -165,9 +163,7 @@ def assemble(
     # previous), column by vector.
     weights = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
     # In a triangle w is replaced by (2 w − u) / √3.
-    triangle_weights = np.array(
-        [[-1.0, -INV_ROOT3], [1.0, -INV_ROOT3], [0.0, 2.0 * INV_ROOT3]]
-    )
+    triangle_weights = np.array([[-1.0, -INV_ROOT3], [1.0, -INV_ROOT3], [0.0, 2.0 * INV_ROOT3]])
     ids = np.empty(3, np.int64)
     for c in range(cell_offsets.size - 1):
         first, last = cell_offsets[c], cell_offsets[c + 1]
@@ -208,9 +204,8 @@ def assemble(
                     wj0, wj1 = weight[j, 0], weight[j, 1]
                     for d in range(2):
                         for e in range(2):
-                            values[low, d, e] += (
-                                wi0 * (wj0 * h[d, e] + wj1 * h[d, 2 + e])
-                                + wi1 * (wj0 * h[2 + d, e] + wj1 * h[2 + d, 2 + e])
+                            values[low, d, e] += wi0 * (wj0 * h[d, e] + wj1 * h[d, 2 + e]) + wi1 * (
+                                wj0 * h[2 + d, e] + wj1 * h[2 + d, 2 + e]
                             )
             if triangle:
                 break

@@ -1,15 +1,15 @@
 """One Newton step per vertex on the energy of its star, on blocks of lanes.
 
 A quad's corner with edge vectors u, w has the shape energy f = (|u|² + |w|²) / (2 det(u, w)), a
-triangle f = (|u|² + |w|² − u·w) / (√3 det(u, w)): 1 at best, infinite where it collapses. The badness
-of a corner is g = |u| |w| / det(u, w), one over its sine (in a triangle, over that of 60°), so that
-the largest g is one over the smallest scaled Jacobian. The energy is the sum of
+triangle f = (|u|² + |w|² − u·w) / (√3 det(u, w)): 1 at best, infinite where it collapses. The
+badness of a corner is g = |u| |w| / det(u, w), one over its sine (in a triangle, over that of 60°),
+so that the largest g is one over the smallest scaled Jacobian. The energy is the sum of
 
     mean_weight · f + (g / limit)^power
 
-over the cells and corners: the mean shape, and a wall that only bad corners feel, those with g near
-or above `limit`. f is a square over a linear function of the vertex that moves, hence convex, and g
-lies under such functions; Newton's steps are those of convex problems and point downhill.
+over the cells and corners: the mean shape, and a wall that only bad corners feel, those with g
+near or above `limit`. f is a square over a linear function of the vertex that moves, hence convex,
+and g lies under such functions; Newton's steps are those of convex problems and point downhill.
 """
 
 import math
@@ -17,9 +17,9 @@ import math
 import numpy as np
 from numba import prange
 
-from qsmooth._types import BoolArray, FloatArray, IndexArray, TableArray
+from qsmooth._types import BlockArray, BoolArray, FloatArray, IndexArray, TableArray
 from qsmooth.kernels._jit import helper, lane_helper, parallel_kernel
-from qsmooth.kernels.blocks import FIRST, LANES, N_QUADS, N_TRIANGLES, SIZE, STAR
+from qsmooth.kernels.blocks import FIRST, LANES, N_QUADS, N_TRIANGLES, SIZE, STAR, lane_row
 from qsmooth.kernels.geometry import ORIENTATION_BOUND, UNDERFLOW_BOUND
 
 INV_ROOT3 = 1.0 / math.sqrt(3.0)
@@ -27,19 +27,18 @@ SINE_60 = math.sqrt(0.75)
 # Scratch of a block: rows of lanes in one flat array. One array with a constant row length lets the
 # compiler see that rows do not overlap, and unsigned offsets need no wrap-around test; without
 # either the loops over lanes stay scalar.
-ROW = np.uint64(LANES)
-ROW2, ROW3, ROW4, ROW5, ROW6 = (np.uint64(k * LANES) for k in range(2, 7))
+ROW, ROW2, ROW3, ROW4, ROW5, ROW6 = (lane_row(k) for k in range(1, 7))
 N_ROWS = 15
-(
-    ENERGY, GX, GY, HXX, HXY, HYY, TRIAL, MARGIN, SX, SY, X, Y, PX, PY, TODO
-) = (np.uint64(k * LANES) for k in range(N_ROWS))  # fmt: skip
+ENERGY, GX, GY, HXX, HXY, HYY, TRIAL, MARGIN, SX, SY, X, Y, PX, PY, TODO = (
+    lane_row(k) for k in range(N_ROWS)
+)
 # Fractions of the Newton step that are tried after the over-relaxed one.
 FRACTIONS = (1.0, 0.4, 0.1)
 
 
 @lane_helper()
 def _power(r: float, squarings: int) -> float:
-    """r ** (2 ** squarings), for at most 6; selects, as a loop would stop vectorisation."""
+    """Raise r to 2 ** squarings, at most 6; by selects, as a loop would stop vectorisation."""
     r = r * r if squarings > 0 else r
     r = r * r if squarings > 1 else r
     r = r * r if squarings > 2 else r
@@ -161,6 +160,7 @@ def _add_triangle(
 
 @helper()
 def newton_step(s: FloatArray, n: int) -> None:
+    """Solve each lane's 2 by 2 system for its Newton step."""
     for i in range(n):
         hxx, hxy, hyy = s[HXX + i], s[HXY + i], s[HYY + i]
         gx, gy = s[GX + i], s[GY + i]
@@ -229,6 +229,7 @@ def _try_triangle(
 
 @helper()
 def start_trial(s: FloatArray, n: int, fraction: float) -> None:
+    """Put each lane's vertex at a fraction of its step, and clear what is summed up there."""
     for i in range(n):
         s[PX + i] = s[X + i] + fraction * s[SX + i]
         s[PY + i] = s[Y + i] + fraction * s[SY + i]
@@ -267,7 +268,9 @@ def _move_block(
     for k in range(quads):
         _add_quad(star_xy, s, k * ROW6, n, mean_weight, inv_limit, squarings, power)
     for k in range(triangles):
-        _add_triangle(star_xy, s, triangle_rows + k * ROW4, n, mean_weight, inv_limit, squarings, power)
+        _add_triangle(
+            star_xy, s, triangle_rows + k * ROW4, n, mean_weight, inv_limit, squarings, power
+        )
     newton_step(s, n)
     fraction = relaxation
     for attempt in range(len(FRACTIONS) + 1):
@@ -275,7 +278,9 @@ def _move_block(
         for k in range(quads):
             _try_quad(star_xy, s, k * ROW6, n, mean_weight, inv_limit, squarings)
         for k in range(triangles):
-            _try_triangle(star_xy, s, triangle_rows + k * ROW4, n, mean_weight, inv_limit, squarings)
+            _try_triangle(
+                star_xy, s, triangle_rows + k * ROW4, n, mean_weight, inv_limit, squarings
+            )
         left = 0.0
         for i in range(n):
             if (s[TRIAL + i] < s[ENERGY + i]) & (s[MARGIN + i] > 0.0) & (s[TODO + i] > 0.0):
@@ -292,7 +297,7 @@ def _move_block(
 
 @parallel_kernel()
 def newton_sweep(
-    xy: FloatArray, colour_blocks: IndexArray, blocks: TableArray, vertices: TableArray,
+    xy: FloatArray, colour_blocks: IndexArray, blocks: BlockArray, vertices: TableArray,
     stars: TableArray, largest_star: int, relaxation: float, mean_weight: float, limit: float,
     squarings: int, moves: FloatArray,
 ) -> None:  # fmt: skip

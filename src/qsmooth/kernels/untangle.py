@@ -1,8 +1,8 @@
 """Untangling: Newton steps per vertex on the shape energy with a regularised determinant.
 
 Where the determinant of a corner is not positive the shape energy has a wall. Replacing det by
-r χ(det / r), χ(d) = (d + √(ε² + d²)) / 2, with r the local mean squared edge length, makes it finite
-everywhere and steep where corners are inverted; as the worst corner improves, ε is lowered.
+r χ(det / r), χ(d) = (d + √(ε² + d²)) / 2, with r the local mean squared edge length, makes it
+finite everywhere and steep where corners are inverted; as the worst corner improves, ε is lowered.
 
 V. Garanzha, I. Kaporin, L. Kudryavtseva, F. Protais, N. Ray, D. Sokolov, "Foldover-free maps in 50
 lines of code", ACM Trans. Graph. 40 (2021), in two dimensions.
@@ -13,18 +13,39 @@ import math
 import numpy as np
 from numba import prange
 
-from qsmooth._types import BoolArray, FloatArray, IndexArray, TableArray
+from qsmooth._types import BlockArray, BoolArray, FloatArray, IndexArray, TableArray
 from qsmooth.kernels._jit import helper, lane_helper, parallel_kernel
-from qsmooth.kernels.blocks import FIRST, LANES, N_QUADS, N_TRIANGLES, SIZE, STAR
+from qsmooth.kernels.blocks import FIRST, LANES, N_QUADS, N_TRIANGLES, SIZE, STAR, lane_row
 from qsmooth.kernels.geometry import distance, orientation
 from qsmooth.kernels.newton import (
-    ENERGY, FRACTIONS, GX, GY, HXX, HXY, HYY, INV_ROOT3, PX, PY, ROW, ROW2, ROW3, ROW4, ROW5, ROW6,
-    SX, SY, TODO, TRIAL, X, Y, gather_block, newton_step, start_trial,
+    ENERGY,
+    FRACTIONS,
+    GX,
+    GY,
+    HXX,
+    HXY,
+    HYY,
+    INV_ROOT3,
+    PX,
+    PY,
+    ROW,
+    ROW2,
+    ROW3,
+    ROW4,
+    ROW5,
+    ROW6,
+    TODO,
+    TRIAL,
+    X,
+    Y,
+    gather_block,
+    newton_step,
+    start_trial,
 )  # fmt: skip
 
 N_ROWS = 16
 # One more row of scratch: the vertex's ε r.
-SOFT = np.uint64(15 * LANES)
+SOFT = lane_row(15)
 
 
 @lane_helper()
@@ -159,7 +180,7 @@ def _move_block(
 
 @parallel_kernel()
 def untangle_sweep(
-    xy: FloatArray, colour_blocks: IndexArray, blocks: TableArray, vertices: TableArray,
+    xy: FloatArray, colour_blocks: IndexArray, blocks: BlockArray, vertices: TableArray,
     stars: TableArray, largest_star: int, relaxation: float, sizes: FloatArray, epsilon: float,
     moves: FloatArray,
 ) -> None:  # fmt: skip
