@@ -24,6 +24,11 @@ def _turn(start: float, stop: float) -> float:
     return turn
 
 
+@helper()
+def _same_place(xy: FloatArray, v: int, w: int) -> bool:
+    return bool(xy[v, 0] == xy[w, 0] and xy[v, 1] == xy[w, 1])
+
+
 @parallel_kernel()
 def angle_bounds(
     xy: FloatArray,
@@ -75,6 +80,8 @@ def angle_bounds(
                 if k < 0 or not movable[w]:
                     break
             if movable[w]:  # an open end that may move: it bounds nothing
+                continue
+            if _same_place(xy, v, begin) or _same_place(xy, v, w):  # no direction
                 continue
             if w == begin and count == star_offsets[v + 1] - star_offsets[v] and k >= 0:
                 angle = FULL_TURN
