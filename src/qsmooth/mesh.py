@@ -222,6 +222,16 @@ class Mesh:
             return _read_only(np.ascontiguousarray(points[:, :2]))
         return _read_only(np.ascontiguousarray((points - self._frame.origin) @ self._frame.axes.T))
 
+    def _recut(self, triangles: IndexArray, regions: IndexArray | None) -> Mesh:
+        """Put other cells, oriented as they are, on the same vertices; for `qsmooth.split`."""
+        mesh = object.__new__(Mesh)
+        mesh.__dict__.update(self.__dict__)
+        mesh._cells = [_read_only(triangles)]
+        topology = _Topology(self.n_vertices, mesh._cells, self.is_fixed.copy(), regions)
+        topology.keep_orientation()
+        mesh._topology = topology.with_lines(self._lines)
+        return mesh
+
     def _attach(self, source: object, lines: IndexArray) -> Mesh:
         """Give the mesh its file's document and line cells, (k, 2); for `qsmooth.io`."""
         mesh = object.__new__(Mesh)
@@ -233,6 +243,11 @@ class Mesh:
     @property
     def _lines(self) -> IndexArray:
         return self._topology.lines
+
+    @property
+    def _neighbours(self) -> tuple[IndexArray, IndexArray]:
+        """For each side of the given cells its twin in the neighbour or -1; and sides' cells."""
+        return self._topology._given_twins, self._topology.corner_cells
 
     @classmethod
     def from_meshio(cls, mesh: meshio.Mesh, *, surface: Surface = "auto") -> Mesh:
@@ -376,6 +391,13 @@ class _Topology:
             kernels.oriented_cells(self.cell_offsets, given, turned) if self.any_turned else given
         )
 
+    def keep_orientation(self) -> None:
+        """Take the cells to run as they are given; instead of `orient`."""
+        self.n_parts = 1
+        self.turned = _read_only(np.zeros(self.n_cells, np.bool_))
+        self.any_turned = False
+        self.cell_vertices = _read_only(self._given_vertices)
+
     @cached_property
     def twins(self) -> IndexArray:
         """For each side of the oriented cells, the same edge's side in the neighbour, or -1."""
@@ -385,6 +407,12 @@ class _Topology:
             return _read_only(self._given_twins)
         twins, _, _ = kernels.edge_twins(self.n_vertices, self.cell_offsets, self.cell_vertices)
         return _read_only(twins)
+
+    @cached_property
+    def corner_cells(self) -> IndexArray:
+        from qsmooth.kernels import topology as kernels
+
+        return _read_only(kernels.corner_cells(self.cell_offsets))
 
     @cached_property
     def rings(self) -> tuple[IndexArray, IndexArray]:
@@ -418,27 +446,34 @@ class _Topology:
         topology._schedules = {}
         return topology
 
-    def schedule(self, keep_interfaces: bool) -> Schedule:
-        """Return the movable vertices in the order of a sweep, and their stars."""
+    def schedule(self, keep_interfaces: bool, only: BoolArray | None = None) -> Schedule:
+        """Return the movable vertices (of `only` these) in the order of a sweep, and their stars."""
+        if only is not None:
+            return self._make_schedule(keep_interfaces, only)
+        if keep_interfaces not in self._schedules:
+            self._schedules[keep_interfaces] = self._make_schedule(keep_interfaces, None)
+        return self._schedules[keep_interfaces]
+
+    def _make_schedule(self, keep_interfaces: bool, only: BoolArray | None) -> Schedule:
         from qsmooth.kernels import topology as kernels
 
-        if keep_interfaces not in self._schedules:
-            movable = ~self.is_fixed
-            if keep_interfaces:
-                movable &= ~self.is_interface
-            cells = self.cell_offsets, self.cell_vertices
-            star_offsets, star_cells, star_corners = (
-                self.star_offsets,
-                self.star_cells,
-                self._star_corners,
-            )
-            if self.any_turned or star_corners is None:
-                _, _, star_corners = kernels.stars(self.n_vertices, *cells)
-            colour, n_colours = kernels.colours(movable, *cells, star_offsets, star_cells)
-            colour_offsets, vertices = kernels.order_by_colour(colour, n_colours)
-            table = kernels.star_table(vertices, *cells, star_offsets, star_cells, star_corners)
-            self._schedules[keep_interfaces] = Schedule(colour_offsets, vertices, *table)
-        return self._schedules[keep_interfaces]
+        movable = ~self.is_fixed
+        if keep_interfaces:
+            movable &= ~self.is_interface
+        if only is not None:
+            movable &= only
+        cells = self.cell_offsets, self.cell_vertices
+        star_offsets, star_cells, star_corners = (
+            self.star_offsets,
+            self.star_cells,
+            self._star_corners,
+        )
+        if self.any_turned or star_corners is None:
+            _, _, star_corners = kernels.stars(self.n_vertices, *cells)
+        colour, n_colours = kernels.colours(movable, *cells, star_offsets, star_cells)
+        colour_offsets, vertices = kernels.order_by_colour(colour, n_colours)
+        table = kernels.star_table(vertices, *cells, star_offsets, star_cells, star_corners)
+        return Schedule(colour_offsets, vertices, *table)
 
     def _cell_of(self, corner: int) -> int:
         return int(np.searchsorted(self.cell_offsets, corner, side="right")) - 1

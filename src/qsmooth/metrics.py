@@ -85,6 +85,9 @@ class Summary:
 
     Attributes
     ----------
+    size_jump
+        How uniform the cells are: geometric mean over the cells of `Quality.size_jump`, 1 where
+        all are alike; cells without a finite one are left out.
     worst, mean
         The worst value and the mean over the cells, by metric: ``min_angle``, ``max_angle``,
         ``aspect_ratio``, ``scaled_jacobian``, ``shape``.
@@ -99,6 +102,7 @@ class Summary:
     n_quads: int
     n_triangles: int
     area: float
+    size_jump: float
     worst: dict[str, float]
     mean: dict[str, float]
     validity: dict[str, int]
@@ -123,6 +127,7 @@ class Summary:
             "n_triangles": self.n_triangles,
             "n_invalid": self.n_invalid,
             "area": self.area,
+            "size_jump": _finite(self.size_jump),
             "worst": {name: _finite(value) for name, value in self.worst.items()},
             "mean": {name: _finite(value) for name, value in self.mean.items()},
             "validity": dict(self.validity),
@@ -234,6 +239,21 @@ class Quality:
         return self._measure("area")
 
     @cached_property
+    def size_jump(self) -> FloatArray:
+        """Largest ratio of size between each cell and one it shares an edge with, 1 or more.
+
+        Sizes are areas over that of the ideal cell with edges of one, so that a square and an
+        equilateral triangle on its edge are alike. Neighbours are compared, and not all cells with
+        their mean, as a mesh that is graded on purpose would count as uneven. NaN where a cell has
+        no neighbour, infinite where an area is not positive.
+        """
+        from qsmooth.kernels.uniformity import size_jump
+
+        out = np.empty(self._mesh.n_cells)
+        size_jump(self.area, self._mesh.cell_offsets, *self._mesh._neighbours, out)
+        return out
+
+    @cached_property
     def validity(self) -> IndexArray:
         """Class of each cell, as `Validity`, decided in exact arithmetic."""
         from qsmooth.kernels import cell_metrics
@@ -261,6 +281,7 @@ class Quality:
             n_quads=int((sizes == 4).sum()),
             n_triangles=int((sizes == 3).sum()),
             area=float(self.area.sum()),
+            size_jump=_geometric_mean(self.size_jump),
             worst={
                 name: float(values.min() if HIGHER_IS_BETTER[name] else values.max())
                 for name, values in metrics.items()
@@ -342,6 +363,11 @@ def _histogram(values: FloatArray, edges: npt.NDArray[Any]) -> Histogram:
     bins = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
     counts = np.bincount(bins, minlength=len(edges) - 1)
     return Histogram(tuple(float(e) for e in edges), tuple(int(n) for n in counts))
+
+
+def _geometric_mean(values: FloatArray) -> float:
+    finite = values[np.isfinite(values)]
+    return float(np.exp(np.log(finite).mean())) if finite.size else np.nan
 
 
 def _finite(value: float) -> float | None:

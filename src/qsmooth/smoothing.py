@@ -5,16 +5,21 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from qsmooth._types import BoolArray, FloatArray
 from qsmooth.mesh import Mesh, MeshLike, Schedule, as_mesh
 from qsmooth.metrics import Quality, Summary, Validity, quality
 
-Guard: TypeAlias = Literal["quality", "clearance"]
+if TYPE_CHECKING:
+    from qsmooth.split import Diagonal
+
+Guard: TypeAlias = Literal["quality", "clearance", "none"]
+Weights: TypeAlias = Literal["uniform", "area"]
 
 # Below this many movable vertices a sweep is over before a second thread has woken up.
 PARALLEL_FROM = 20_000
@@ -25,6 +30,8 @@ LEAST_ANGLE_GAIN = 0.01
 LEAST_SHAPE_GAIN = 1e-4
 # The "quality" guard lets a cell get worse only down to this scaled Jacobian.
 GOOD_SCALED_JACOBIAN = 0.5
+# Proposals of the aspect-ratio method are weighted by the edge ratio to this power.
+RATIO_POWER = 0.0
 
 
 @dataclass(frozen=True)
@@ -110,6 +117,7 @@ class Method:
     options: frozenset[str]
     guarded: bool
     start: Callable[[Mesh, Schedule, _Settings], Sweep]
+    step: float = 0.5  # the default
 
 
 @dataclass(frozen=True)
@@ -125,15 +133,26 @@ class _Settings:
     triangle_min_angle: float = 45.0
     step: float = 0.5
     worst_fraction: float = 1.0
+    worst_first: bool = False
+    bad_angle: float = 180.0
+    bad_step: float | None = None
+    max_edge_ratio: float = 1.5
+    weights: str = "uniform"
+    split_quads: bool | str = False
+    selection: Any = None
+    selection_rings: int = 0
     keep_interfaces: bool = True
     threads: int | None = None
+    # What the driver finds out: see `allowed_step`, `_Pace`.
     good: float = math.nan
+    group: str = "all"
+    selected: BoolArray | None = None
 
     def __post_init__(self) -> None:
         _require_integer("max_sweeps", self.max_sweeps, 0)
         _require(0.0 <= self.rtol < 1.0, "rtol must be in [0, 1)", self.rtol)
-        if self.guard not in ("quality", "clearance"):
-            raise ValueError(f"guard must be 'quality' or 'clearance', got {self.guard!r}")
+        if self.guard not in ("quality", "clearance", "none"):
+            raise ValueError(f"guard must be 'quality', 'clearance' or 'none', got {self.guard!r}")
         for prefix in ("", "triangle_"):
             low, high = getattr(self, prefix + "min_angle"), getattr(self, prefix + "max_angle")
             _require(0.0 < low < 180.0, f"{prefix}min_angle must be in (0, 180) degrees", low)
@@ -148,6 +167,26 @@ class _Settings:
             "worst_fraction must be in (0, 1]",
             self.worst_fraction,
         )
+        if self.worst_first and self.worst_fraction == 1.0:
+            raise ValueError("worst_first needs a worst_fraction below 1")
+        _require(
+            0.0 < self.bad_angle < 360.0, "bad_angle must be in (0, 360) degrees", self.bad_angle
+        )
+        if self.bad_step is not None:
+            _require(0.0 < self.bad_step <= 2.0, "bad_step must be in (0, 2]", self.bad_step)
+        _require(
+            1.0 <= self.max_edge_ratio < math.inf,
+            "max_edge_ratio must be 1 or more",
+            self.max_edge_ratio,
+        )
+        if self.weights not in ("uniform", "area"):
+            raise ValueError(f"weights must be 'uniform' or 'area', got {self.weights!r}")
+        if self.split_quads not in (False, True, "shorter", "first", "second"):
+            raise ValueError(
+                "split_quads must be True, False, 'shorter', 'first' or 'second', "
+                f"got {self.split_quads!r}"
+            )
+        _require_integer("selection_rings", self.selection_rings, 0)
         if self.threads is not None:
             from qsmooth.kernels._jit import available_threads
 
@@ -158,7 +197,7 @@ class _Settings:
 
 def smooth(
     mesh: MeshLike,
-    method: str = "star",
+    method: str = "auto",
     *,
     max_sweeps: int = 50,
     rtol: float = 1e-3,
@@ -167,8 +206,16 @@ def smooth(
     min_angle: float = 60.0,
     triangle_max_angle: float = 90.0,
     triangle_min_angle: float = 45.0,
-    step: float = 0.5,
+    step: float | None = None,
     worst_fraction: float = 1.0,
+    worst_first: bool = False,
+    bad_angle: float = 180.0,
+    bad_step: float | None = None,
+    max_edge_ratio: float = 1.5,
+    weights: Weights = "uniform",
+    split_quads: bool | Diagonal = False,
+    selection: npt.ArrayLike | str | None = None,
+    selection_rings: int = 0,
     keep_interfaces: bool = True,
     threads: int | None = None,
     callback: Callback | None = None,
@@ -180,8 +227,10 @@ def smooth(
     mesh
         A `Mesh`, or a pair ``(points, cells)``. It is not changed.
     method
-        ``"star"``, ``"quad"``, ``"smart-laplacian"`` or ``"laplacian"``; see `smooth_star` and
-        its like. All but the last keep a valid mesh valid after every single move.
+        ``"star"``, ``"quad"``, ``"aspect-ratio"``, ``"angle"``, ``"smart-laplacian"`` or
+        ``"laplacian"``; see `smooth_star` and its like. All but the last keep a valid mesh valid
+        after every single move. ``"auto"`` takes star, or aspect-ratio for triangles only; the
+        result says which.
     max_sweeps
         Stop here at the latest; the result then has ``converged=False``. 0 or more.
     rtol
@@ -190,16 +239,37 @@ def smooth(
     guard
         What every step has to keep: ``"clearance"`` only validity; ``"quality"`` also the star's
         smallest scaled Jacobian, or one of 0.5 (more, where the whole mesh begins with more), so
-        that the worst cell never gets worse.
+        that the worst cell never gets worse. ``"none"``, for ``"angle"`` only: as published,
+        all vertices at once and unguarded.
     max_angle, min_angle
         Degrees, 0 < min_angle < max_angle < 180. Corners of quads beyond these are mended.
     triangle_max_angle, triangle_min_angle
         The same for triangles.
     step
-        Fraction of each proposed move that is made, in (0, 1].
+        Fraction of each proposed move that is made, in (0, 1]; None for the method's own default.
     worst_fraction
         Share of the cells that propose moves in a sweep, those with the worst largest angles, in
         (0, 1].
+    worst_first
+        Smooth the worst group (of `worst_fraction`) first, then the rest, then all, each for a
+        third of the sweeps or until it rests.
+    bad_angle, bad_step
+        Cells whose largest angle is over `bad_angle` degrees propose moves by `bad_step`, in
+        (0, 2], instead of `step`; None for no difference.
+    max_edge_ratio
+        The aspect-ratio method leaves two edges alone whose ratio is no larger, 1 or more.
+    weights
+        Of the Laplacian methods: ``"uniform"`` for the mean of the neighbours, ``"area"`` for the
+        centroid of the star polygon.
+    split_quads
+        Whether to cut each quad in two triangles and smooth these: along its ``"shorter"``
+        diagonal (True), or that from its ``"first"`` or ``"second"`` vertex. What is guarded then
+        are the triangles; the result says how many quads that broke.
+    selection
+        Cells whose vertices may move: ids, a mask, or a threshold such as ``"max_angle > 150"`` on
+        one of the metrics of `quality`. None for all.
+    selection_rings
+        How often the selection grows by the cells that touch it.
     keep_interfaces
         Whether vertices on the line between two regions, or on line cells of the file, stay.
     threads
@@ -218,8 +288,13 @@ def smooth(
     MeshError
         If a pair is no mesh.
     """
-    if method not in METHODS:
-        raise ValueError(f"method must be one of {', '.join(METHODS)}; got {method!r}")
+    if method not in METHODS and method != "auto":
+        raise ValueError(f"method must be one of auto, {', '.join(METHODS)}; got {method!r}")
+    mesh = as_mesh(mesh)
+    chosen = ""
+    if method == "auto":
+        method, why = _choose(mesh, split_quads)
+        chosen = f"auto chose {method}, as {why}"
     settings = _Settings(
         max_sweeps=max_sweeps,
         rtol=rtol,
@@ -228,16 +303,27 @@ def smooth(
         min_angle=min_angle,
         triangle_max_angle=triangle_max_angle,
         triangle_min_angle=triangle_min_angle,
-        step=step,
+        step=METHODS[method].step if step is None else step,
         worst_fraction=worst_fraction,
+        worst_first=worst_first,
+        bad_angle=bad_angle,
+        bad_step=bad_step,
+        max_edge_ratio=max_edge_ratio,
+        weights=weights,
+        split_quads=split_quads,
+        selection=selection,
+        selection_rings=selection_rings,
         keep_interfaces=keep_interfaces,
         threads=threads,
     )
-    defaults = _Settings()
+    defaults = _Settings(step=METHODS[method].step)
     for option in sorted(METHOD_OPTIONS - METHODS[method].options):
         if getattr(settings, option) != getattr(defaults, option):
-            raise ValueError(f"method {method!r} has no option {option}")
-    return _iterate(as_mesh(mesh), METHODS[method], settings, callback)
+            of = f" ({chosen})" if chosen else ""
+            raise ValueError(f"method {method!r} has no option {option}{of}")
+    if guard == "none" and method != "angle":
+        raise ValueError(f"method {method!r} is always guarded: guard can't be 'none'")
+    return _iterate(mesh, METHODS[method], settings, callback, chosen)
 
 
 def smooth_star(
@@ -252,6 +338,12 @@ def smooth_star(
     triangle_min_angle: float = 45.0,
     step: float = 0.5,
     worst_fraction: float = 1.0,
+    worst_first: bool = False,
+    bad_angle: float = 180.0,
+    bad_step: float | None = None,
+    split_quads: bool | Diagonal = False,
+    selection: npt.ArrayLike | str | None = None,
+    selection_rings: int = 0,
     keep_interfaces: bool = True,
     threads: int | None = None,
     callback: Callback | None = None,
@@ -271,7 +363,9 @@ def smooth_star(
         mesh, "star", max_sweeps=max_sweeps, rtol=rtol, guard=guard, max_angle=max_angle,
         min_angle=min_angle, triangle_max_angle=triangle_max_angle,
         triangle_min_angle=triangle_min_angle, step=step, worst_fraction=worst_fraction,
-        keep_interfaces=keep_interfaces, threads=threads, callback=callback,
+        worst_first=worst_first, bad_angle=bad_angle, bad_step=bad_step, split_quads=split_quads,
+        selection=selection, selection_rings=selection_rings, keep_interfaces=keep_interfaces,
+        threads=threads, callback=callback,
     )  # fmt: skip
 
 
@@ -287,6 +381,12 @@ def smooth_quad(
     triangle_min_angle: float = 45.0,
     step: float = 0.5,
     worst_fraction: float = 1.0,
+    worst_first: bool = False,
+    bad_angle: float = 180.0,
+    bad_step: float | None = None,
+    split_quads: bool | Diagonal = False,
+    selection: npt.ArrayLike | str | None = None,
+    selection_rings: int = 0,
     keep_interfaces: bool = True,
     threads: int | None = None,
     callback: Callback | None = None,
@@ -306,6 +406,79 @@ def smooth_quad(
         mesh, "quad", max_sweeps=max_sweeps, rtol=rtol, guard=guard, max_angle=max_angle,
         min_angle=min_angle, triangle_max_angle=triangle_max_angle,
         triangle_min_angle=triangle_min_angle, step=step, worst_fraction=worst_fraction,
+        worst_first=worst_first, bad_angle=bad_angle, bad_step=bad_step, split_quads=split_quads,
+        selection=selection, selection_rings=selection_rings, keep_interfaces=keep_interfaces,
+        threads=threads, callback=callback,
+    )  # fmt: skip
+
+
+def smooth_aspect_ratio(
+    mesh: MeshLike,
+    *,
+    max_sweeps: int = 50,
+    rtol: float = 1e-3,
+    guard: Guard = "quality",
+    max_edge_ratio: float = 1.5,
+    step: float = 0.5,
+    split_quads: bool | Diagonal = False,
+    selection: npt.ArrayLike | str | None = None,
+    selection_rings: int = 0,
+    keep_interfaces: bool = True,
+    threads: int | None = None,
+    callback: Callback | None = None,
+) -> SmoothResult:
+    """Smooth triangles by making the two edges at each corner more alike.
+
+    Each triangle proposes to move its corner along its circumcircle towards the longer edge, which
+    keeps the corner's angle. Proposals that cost no clearance are averaged. Quads propose nothing,
+    but their validity and quality is kept.
+
+    Parameters, result and errors are those of `smooth`; also a `ValueError` where there is no
+    triangle.
+
+    Notes
+    -----
+    The circumcircle method for triangles that "Quadrilateral Mesh Smoothing" builds on.
+    """
+    return smooth(
+        mesh, "aspect-ratio", max_sweeps=max_sweeps, rtol=rtol, guard=guard,
+        max_edge_ratio=max_edge_ratio, step=step, split_quads=split_quads, selection=selection,
+        selection_rings=selection_rings, keep_interfaces=keep_interfaces, threads=threads,
+        callback=callback,
+    )  # fmt: skip
+
+
+def smooth_angle(
+    mesh: MeshLike,
+    *,
+    max_sweeps: int = 50,
+    rtol: float = 1e-3,
+    guard: Guard = "quality",
+    step: float = 1.0,
+    split_quads: bool | Diagonal = False,
+    selection: npt.ArrayLike | str | None = None,
+    selection_rings: int = 0,
+    keep_interfaces: bool = True,
+    threads: int | None = None,
+    callback: Callback | None = None,
+) -> SmoothResult:
+    """Smooth by turning each edge onto the bisector of the angle at its other end.
+
+    A vertex goes to the mean of the places to which its edges turn it, keeping their lengths. With
+    ``guard="none"`` all vertices move at once and unguarded, as published; otherwise one by one,
+    as far as the guards allow.
+
+    Parameters, result and errors are those of `smooth`.
+
+    Notes
+    -----
+    T. Zhou and K. Shimada, "An angle-based approach to two-dimensional mesh smoothing",
+    Proceedings of the 9th International Meshing Roundtable (2000). In quads the polygon round a
+    vertex runs through the opposite corners too, which do not turn it.
+    """
+    return smooth(
+        mesh, "angle", max_sweeps=max_sweeps, rtol=rtol, guard=guard, step=step,
+        split_quads=split_quads, selection=selection, selection_rings=selection_rings,
         keep_interfaces=keep_interfaces, threads=threads, callback=callback,
     )  # fmt: skip
 
@@ -316,17 +489,25 @@ def smooth_smart_laplacian(
     max_sweeps: int = 50,
     rtol: float = 1e-3,
     guard: Guard = "quality",
+    weights: Weights = "uniform",
+    split_quads: bool | Diagonal = False,
+    selection: npt.ArrayLike | str | None = None,
+    selection_rings: int = 0,
     keep_interfaces: bool = True,
     threads: int | None = None,
     callback: Callback | None = None,
 ) -> SmoothResult:
     """Move each vertex towards the mean of its neighbours, as far as no cell suffers.
 
+    With area weights, towards the centroid of its star polygon.
+
     Parameters, result and errors are those of `smooth`.
     """
     return smooth(
         mesh, "smart-laplacian", max_sweeps=max_sweeps, rtol=rtol, guard=guard,
-        keep_interfaces=keep_interfaces, threads=threads, callback=callback,
+        weights=weights, split_quads=split_quads, selection=selection,
+        selection_rings=selection_rings, keep_interfaces=keep_interfaces, threads=threads,
+        callback=callback,
     )  # fmt: skip
 
 
@@ -335,6 +516,10 @@ def smooth_laplacian(
     *,
     max_sweeps: int = 50,
     rtol: float = 1e-3,
+    weights: Weights = "uniform",
+    split_quads: bool | Diagonal = False,
+    selection: npt.ArrayLike | str | None = None,
+    selection_rings: int = 0,
     keep_interfaces: bool = True,
     threads: int | None = None,
     callback: Callback | None = None,
@@ -342,25 +527,28 @@ def smooth_laplacian(
     """Move all vertices to the mean of their neighbours at once, unguarded.
 
     The baseline that everybody knows: cheap, and good on convex domains; near a re-entrant corner
-    it inverts cells, and the result says how many.
+    it inverts cells, and the result says how many. With area weights, to the centroid of the star
+    polygon.
 
     Parameters, result and errors are those of `smooth`.
     """
     return smooth(
         mesh, "laplacian", max_sweeps=max_sweeps, rtol=rtol,
-        keep_interfaces=keep_interfaces, threads=threads, callback=callback,
+        weights=weights, split_quads=split_quads, selection=selection,
+        selection_rings=selection_rings, keep_interfaces=keep_interfaces, threads=threads,
+        callback=callback,
     )  # fmt: skip
 
 
 def _start_star(mesh: Mesh, schedule: Schedule, settings: _Settings) -> Sweep:
     from qsmooth.kernels.star import star_sweep
 
-    limit, active = _limits(settings), _Active(mesh, settings)
+    limit, pace = _limits(settings), _Pace(mesh, settings)
 
     def sweep(xy: FloatArray, moves: FloatArray, shares: FloatArray) -> None:
         star_sweep(
             xy, schedule.colour_offsets, schedule.vertices, schedule.offsets, schedule.corners,
-            schedule.cells, active(xy), limit, float(settings.step), settings.good,
+            schedule.cells, pace(xy), limit, float(settings.step), settings.good,
             schedule.largest_star, moves, shares,
         )  # fmt: skip
 
@@ -370,12 +558,12 @@ def _start_star(mesh: Mesh, schedule: Schedule, settings: _Settings) -> Sweep:
 def _start_quad(mesh: Mesh, schedule: Schedule, settings: _Settings) -> Sweep:
     from qsmooth.kernels.quad import guarded_commit, quad_proposals
 
-    limit, active = _limits(settings), _Active(mesh, settings)
+    limit, pace = _limits(settings), _Pace(mesh, settings)
     wanted = np.empty((schedule.vertices.size, 2))
 
     def sweep(xy: FloatArray, moves: FloatArray, shares: FloatArray) -> None:
         quad_proposals(
-            xy, schedule.vertices, schedule.offsets, schedule.corners, schedule.cells, active(xy),
+            xy, schedule.vertices, schedule.offsets, schedule.corners, schedule.cells, pace(xy),
             limit, float(settings.step), schedule.largest_star, wanted,
         )  # fmt: skip
         guarded_commit(
@@ -389,8 +577,18 @@ def _start_quad(mesh: Mesh, schedule: Schedule, settings: _Settings) -> Sweep:
 def _start_laplacian(mesh: Mesh, schedule: Schedule, settings: _Settings) -> Sweep:
     from qsmooth.kernels.laplacian import laplacian_sweep
 
-    rings = mesh.ring_offsets, mesh.ring_vertices
     previous = np.empty((mesh.n_vertices, 2))
+    if settings.weights == "area":
+        from qsmooth.kernels.centroid import centroid_sweep
+
+        table = schedule.vertices, schedule.offsets, schedule.corners
+
+        def area_sweep(xy: FloatArray, moves: FloatArray, shares: FloatArray) -> None:
+            previous[:] = xy
+            centroid_sweep(previous, *table, xy, moves, shares)
+
+        return area_sweep
+    rings = mesh.ring_offsets, mesh.ring_vertices
 
     def sweep(xy: FloatArray, moves: FloatArray, shares: FloatArray) -> None:
         previous[:] = xy
@@ -402,6 +600,16 @@ def _start_laplacian(mesh: Mesh, schedule: Schedule, settings: _Settings) -> Swe
 def _start_smart_laplacian(mesh: Mesh, schedule: Schedule, settings: _Settings) -> Sweep:
     from qsmooth.kernels.laplacian import smart_laplacian_sweep
 
+    if settings.weights == "area":
+        from qsmooth.kernels.centroid import smart_centroid_sweep
+
+        def area_sweep(xy: FloatArray, moves: FloatArray, shares: FloatArray) -> None:
+            smart_centroid_sweep(
+                xy, schedule.colour_offsets, schedule.vertices, schedule.offsets,
+                schedule.corners, settings.good, moves, shares,
+            )  # fmt: skip
+
+        return area_sweep
     rings = mesh.ring_offsets, mesh.ring_vertices
 
     def sweep(xy: FloatArray, moves: FloatArray, shares: FloatArray) -> None:
@@ -413,45 +621,158 @@ def _start_smart_laplacian(mesh: Mesh, schedule: Schedule, settings: _Settings) 
     return sweep
 
 
-_SWEEPING = frozenset({"max_sweeps", "rtol", "keep_interfaces", "threads"})
+def _start_aspect_ratio(mesh: Mesh, schedule: Schedule, settings: _Settings) -> Sweep:
+    from qsmooth.kernels.aspect_ratio import aspect_ratio_sweep
+
+    def sweep(xy: FloatArray, moves: FloatArray, shares: FloatArray) -> None:
+        aspect_ratio_sweep(
+            xy, schedule.colour_offsets, schedule.vertices, schedule.offsets, schedule.corners,
+            float(settings.max_edge_ratio), float(settings.step), RATIO_POWER, settings.good,
+            schedule.largest_star, moves, shares,
+        )  # fmt: skip
+
+    return sweep
+
+
+def _start_angle(mesh: Mesh, schedule: Schedule, settings: _Settings) -> Sweep:
+    from qsmooth.kernels.angle import angle_sweep, guarded_angle_sweep
+
+    table = schedule.vertices, schedule.offsets, schedule.corners
+    if settings.guard == "none":
+        previous = np.empty((mesh.n_vertices, 2))
+
+        def unguarded_sweep(xy: FloatArray, moves: FloatArray, shares: FloatArray) -> None:
+            previous[:] = xy
+            angle_sweep(previous, *table, float(settings.step), xy, moves, shares)
+
+        return unguarded_sweep
+
+    def sweep(xy: FloatArray, moves: FloatArray, shares: FloatArray) -> None:
+        guarded_angle_sweep(
+            xy, schedule.colour_offsets, *table, float(settings.step), settings.good, moves, shares
+        )
+
+    return sweep
+
+
+_SWEEPING = frozenset(
+    {
+        "max_sweeps",
+        "rtol",
+        "split_quads",
+        "selection",
+        "selection_rings",
+        "keep_interfaces",
+        "threads",
+    }
+)
 _ANGLES = frozenset(
-    {"max_angle", "min_angle", "triangle_max_angle", "triangle_min_angle", "step", "worst_fraction"}
+    {
+        "max_angle",
+        "min_angle",
+        "triangle_max_angle",
+        "triangle_min_angle",
+        "step",
+        "worst_fraction",
+        "worst_first",
+        "bad_angle",
+        "bad_step",
+    }
 )
 METHODS = {
     method.name: method
     for method in (
         Method("star", "By star", _SWEEPING | _ANGLES | {"guard"}, True, _start_star),
         Method("quad", "By quad", _SWEEPING | _ANGLES | {"guard"}, True, _start_quad),
-        Method("laplacian", "Laplacian", _SWEEPING, False, _start_laplacian),
+        Method(
+            "aspect-ratio",
+            "By aspect ratio",
+            _SWEEPING | {"guard", "step", "max_edge_ratio"},
+            True,
+            _start_aspect_ratio,
+        ),
+        Method("angle", "Angle-based", _SWEEPING | {"guard", "step"}, True, _start_angle, 1.0),
+        Method("laplacian", "Laplacian", _SWEEPING | {"weights"}, False, _start_laplacian),
         Method(
             "smart-laplacian",
             "Smart Laplacian",
-            _SWEEPING | {"guard"},
+            _SWEEPING | {"guard", "weights"},
             True,
             _start_smart_laplacian,
         ),
     )
 }
-METHOD_OPTIONS = _SWEEPING | _ANGLES | {"guard"}
+METHOD_OPTIONS = _SWEEPING | _ANGLES | {"guard", "max_edge_ratio", "weights"}
 
 
-class _Active:
-    """Which cells make proposals in a sweep: those with the worst largest angles."""
+class _Pace:
+    """At which multiple of `step` each cell proposes in a sweep, 0 where it proposes nothing.
+
+    The worst group, those with the largest angles, is found anew for every sweep.
+    """
 
     def __init__(self, mesh: Mesh, settings: _Settings) -> None:
-        self._mesh = mesh
-        self._count = math.ceil(settings.worst_fraction * mesh.n_cells)
-        self._active = np.ones(mesh.n_cells, np.bool_)
+        self._mesh, self._settings = mesh, settings
+        everyone = np.arange(mesh.n_cells)
+        ranked = everyone if settings.selected is None else np.flatnonzero(settings.selected)
+        self._ranked = ranked
+        self._count = math.ceil(settings.worst_fraction * len(ranked))
+        self._ranks = settings.group != "all" and self._count < len(ranked)
+        self._pace = np.ones(mesh.n_cells)
 
-    def __call__(self, xy: FloatArray) -> BoolArray:
-        if self._count < self._mesh.n_cells:
-            from qsmooth.kernels.cell_metrics import angles
+    def __call__(self, xy: FloatArray) -> FloatArray:
+        settings = self._settings
+        if not self._ranks and settings.bad_step is None:
+            return self._pace
+        from qsmooth.kernels.cell_metrics import angles
 
-            smallest, largest = np.empty(self._mesh.n_cells), np.empty(self._mesh.n_cells)
-            angles(xy, self._mesh.cell_offsets, self._mesh.cell_vertices, smallest, largest)
-            self._active[:] = False
-            self._active[np.argsort(-largest, kind="stable")[: self._count]] = True
-        return self._active
+        smallest, largest = np.empty(self._mesh.n_cells), np.empty(self._mesh.n_cells)
+        angles(xy, self._mesh.cell_offsets, self._mesh.cell_vertices, smallest, largest)
+        self._pace[:] = 1.0
+        if settings.bad_step is not None:
+            self._pace[largest > settings.bad_angle] = settings.bad_step / settings.step
+        if self._ranks:
+            order = np.argsort(-largest[self._ranked], kind="stable")
+            silent = np.ones(self._mesh.n_cells, np.bool_)
+            worst = self._ranked[order[: self._count]]
+            rest = self._ranked[order[self._count :]]
+            silent[worst if settings.group == "worst" else rest] = False
+            self._pace[silent] = 0.0
+        return self._pace
+
+
+def _choose(mesh: Mesh, split_quads: object) -> tuple[str, str]:
+    """Pick a method for ``"auto"``, and say why."""
+    if (np.diff(mesh.cell_offsets) == 3).all():
+        return "aspect-ratio", "all cells are triangles"
+    if split_quads is not False:
+        return "aspect-ratio", "the quads are cut in triangles"
+    return "star", "not all cells are triangles"
+
+
+def _stages(settings: _Settings) -> list[tuple[str, int]]:
+    """List which group of cells proposes, and for how many sweeps at most."""
+    if not settings.worst_first:
+        return [("all" if settings.worst_fraction == 1.0 else "worst", settings.max_sweeps)]
+    third = settings.max_sweeps // 3
+    return [("worst", third), ("rest", third), ("all", settings.max_sweeps - 2 * third)]
+
+
+def _cut(mesh: Mesh, method: Method, settings: _Settings) -> Mesh:
+    """Return the mesh that is swept: with its quads cut in two, if that is asked for."""
+    n_triangles = int((np.diff(mesh.cell_offsets) == 3).sum())
+    if settings.split_quads is not False and n_triangles < mesh.n_cells:
+        from qsmooth.split import split_quads
+
+        return split_quads(
+            mesh, "shorter" if settings.split_quads is True else settings.split_quads
+        )
+    if method.name == "aspect-ratio" and n_triangles == 0:
+        raise ValueError(
+            "method 'aspect-ratio' is for triangles and there is none; "
+            "split_quads=True cuts the quads in two"
+        )
+    return mesh
 
 
 def _limits(settings: _Settings) -> FloatArray:
@@ -466,48 +787,93 @@ def _limits(settings: _Settings) -> FloatArray:
 
 
 def _iterate(
-    mesh: Mesh, method: Method, settings: _Settings, callback: Callback | None
+    mesh: Mesh, method: Method, settings: _Settings, callback: Callback | None, chosen: str = ""
 ) -> SmoothResult:
     """Sweep until every vertex rests, quality no longer improves, or `max_sweeps` is reached."""
     from qsmooth.kernels._jit import available_threads, use_threads
 
     before_quality = quality(mesh)
     before = before_quality.summary()
-    schedule = mesh._topology.schedule(settings.keep_interfaces)
+    cut = _cut(mesh, method, settings)
+    only = None
+    if settings.selection is not None:
+        from qsmooth.selection import select_cells, vertices_of
+
+        selected = select_cells(mesh, settings.selection, settings.selection_rings)
+        only = vertices_of(mesh, selected)
+        if cut is not mesh:
+            selected = np.repeat(selected, np.diff(mesh.cell_offsets) - 2)
+        settings = replace(settings, selected=selected)
+    schedule = cut._topology.schedule(settings.keep_interfaces, only)
     n_movable = schedule.vertices.size
     threads = settings.threads
     if threads is None:
         threads = available_threads() if n_movable >= PARALLEL_FROM else 1
     if settings.guard == "quality":
-        good = max(GOOD_SCALED_JACOBIAN, before.worst["scaled_jacobian"])
-        object.__setattr__(settings, "good", float(good))
+        smallest = (
+            float(quality(cut).scaled_jacobian.min())
+            if cut is not mesh
+            else (before.worst["scaled_jacobian"])
+        )
+        settings = replace(settings, good=max(GOOD_SCALED_JACOBIAN, smallest))
+    guarded = method.guarded and settings.guard != "none"
     xy = mesh.xy.copy()
     moves, shares = np.zeros(n_movable), np.zeros(n_movable)
     history: list[SweepRecord] = []
-    stop = "" if n_movable else "no vertex can move: all are on the boundary, fixed or in no cell"
-    sweep = method.start(mesh, schedule, settings)
+    stop = "" if n_movable else _why_none_moves(settings)
     seconds = 0.0
     with use_threads(threads):
-        while not stop and len(history) < settings.max_sweeps:
-            start = time.perf_counter()
-            sweep(xy, moves, shares)
-            seconds += time.perf_counter() - start
-            history.append(_record(mesh, xy, moves, shares))
-            if callback is not None:
-                callback(history[-1])
-            stop = _why_stop(history, settings.rtol)
-    result = _stored(mesh, xy) if method.guarded else mesh._with_xy(xy, _moved(mesh, xy))
-    after = quality(result).summary()
+        for group, n_sweeps in _stages(settings) if n_movable else []:
+            sweep = method.start(cut, schedule, replace(settings, group=group))
+            n_past, stop = len(history), ""
+            while not stop and len(history) < n_past + n_sweeps:
+                start = time.perf_counter()
+                sweep(xy, moves, shares)
+                seconds += time.perf_counter() - start
+                history.append(_record(mesh, xy, moves, shares))
+                if callback is not None:
+                    callback(history[-1])
+                stop = _why_stop(history[n_past:], settings.rtol)
+    if not guarded:
+        result = mesh._with_xy(xy, _moved(mesh, xy))
+    elif cut is mesh:
+        result = _stored(mesh, xy)
+    else:
+        result = mesh._at(_stored(cut, xy).points)
+    after_quality = quality(result)
+    after = after_quality.summary()
+    notes = [chosen] if chosen else []
+    if cut is not mesh:
+        lost = (before_quality.validity == Validity.VALID) & (
+            after_quality.validity != Validity.VALID
+        )
+        notes.append(_split_note(mesh, settings, int(lost.sum())))
     return SmoothResult(
         mesh=result,
         method=method.name,
         sweeps=len(history),
         converged=bool(stop),
-        reason=_reason(stop, history, method, before, after),
+        reason="; ".join([*notes, _reason(stop, history, method, before, after, cut is mesh)]),
         history=tuple(history),
         before=before,
         after=after,
         seconds=seconds,
+    )
+
+
+def _why_none_moves(settings: _Settings) -> str:
+    if settings.selection is not None:
+        return "no vertex can move: all selected are on the boundary or fixed"
+    return "no vertex can move: all are on the boundary, fixed or in no cell"
+
+
+def _split_note(mesh: Mesh, settings: _Settings, n_lost: int) -> str:
+    """Say how the quads were cut, and what that did to them."""
+    diagonal = "shorter" if settings.split_quads is True else settings.split_quads
+    n_quads = int((np.diff(mesh.cell_offsets) == 4).sum())
+    return (
+        f"{n_quads} quads were smoothed as two triangles each, cut along the {diagonal} diagonal, "
+        f"which broke {n_lost if n_lost else 'none'} of them"
     )
 
 
@@ -543,7 +909,12 @@ def _why_stop(history: list[SweepRecord], rtol: float) -> str:
 
 
 def _reason(
-    stop: str, history: list[SweepRecord], method: Method, before: Summary, after: Summary
+    stop: str,
+    history: list[SweepRecord],
+    method: Method,
+    before: Summary,
+    after: Summary,
+    whole: bool = True,
 ) -> str:
     """Say in words why it stopped and what is wrong with the result."""
     if stop:
@@ -560,7 +931,7 @@ def _reason(
             f"the mesh was not valid ({_cells(before.n_invalid)} of {before.n_cells} invalid) and "
             f"{method.name} does not untangle: {_cells(after.n_invalid)} invalid now"
         )
-    elif after.n_invalid:
+    elif after.n_invalid and whole:
         parts.append(f"{method.name} is unguarded: it made {_cells(after.n_invalid)} invalid")
     return "; ".join(parts)
 

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from qsmooth._types import BoolArray, FloatArray, TableArray
+from qsmooth._types import FloatArray, TableArray
 from qsmooth.kernels._jit import helper
 from qsmooth.kernels.guards import (
     clearance,
@@ -109,7 +109,7 @@ def mean_proposal(
     cells: TableArray,
     first: int,
     last: int,
-    active: BoolArray,
+    pace: FloatArray,
     limit: FloatArray,
     step: float,
     by_quad: bool,
@@ -133,25 +133,26 @@ def mean_proposal(
     x, y = xy[v, 0], xy[v, 1]
     sx, sy, count = 0.0, 0.0, 0
     for row in range(first, last):
-        if not active[cells[row]]:
+        stride = step * pace[cells[row]]
+        if stride == 0.0:
             continue
         a, b, c = corners[row, 0], corners[row, 1], corners[row, 2]
         ax, ay = xy[a, 0] - x, xy[a, 1] - y
         cx, cy = xy[c, 0] - x, xy[c, 1] - y
         kind = TRIANGLE if b == NO_VERTEX else QUAD
-        tx, ty, push, slide, _ = _push(ax, ay, cx, cy, limit, kind, step)
+        tx, ty, push, slide, _ = _push(ax, ay, cx, cy, limit, kind, stride)
         sx, sy, count = _add_if_kept(
             lines, n_lines, least, loss, -ty * push, tx * push, sx, sy, count
         )
         if by_quad and kind == QUAD:
             bx, by = xy[b, 0] - x, xy[b, 1] - y
             # v is the previous vertex of corner a, whose diagonal runs from b to v,
-            tx2, ty2, _, _, shrink = _push(bx - ax, by - ay, -ax, -ay, limit, kind, step)
+            tx2, ty2, _, _, shrink = _push(bx - ax, by - ay, -ax, -ay, limit, kind, stride)
             sx, sy, count = _add_if_kept(
                 lines, n_lines, least, loss, -tx2 * shrink, -ty2 * shrink, sx, sy, count
             )
             # and the next vertex of corner c, whose diagonal runs from v to b.
-            tx2, ty2, _, _, shrink = _push(-cx, -cy, bx - cx, by - cy, limit, kind, step)
+            tx2, ty2, _, _, shrink = _push(-cx, -cy, bx - cx, by - cy, limit, kind, stride)
             sx, sy, count = _add_if_kept(
                 lines, n_lines, least, loss, tx2 * shrink, ty2 * shrink, sx, sy, count
             )

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numba import prange
 
-from qsmooth._types import BoolArray, FloatArray, IndexArray, TableArray
+from qsmooth._types import FloatArray, IndexArray, TableArray
 from qsmooth.kernels._jit import parallel_kernel
 from qsmooth.kernels.geometry import share
 from qsmooth.kernels.guards import allowed_step, clearance, guard_lines, tolerated_loss
@@ -20,7 +20,7 @@ def quad_proposals(
     offsets: IndexArray,
     corners: TableArray,
     cells: TableArray,
-    active: BoolArray,
+    pace: FloatArray,
     limit: FloatArray,
     step: float,
     largest_star: int,
@@ -30,7 +30,7 @@ def quad_proposals(
 
     Parameters
     ----------
-    xy, vertices, offsets, corners, cells, active, limit, step, largest_star
+    xy, vertices, offsets, corners, cells, pace, limit, step, largest_star
         As in `star.star_sweep`; nothing moves here.
     wanted : (n_movable, 2)
         Overwritten. Displacement of each vertex.
@@ -39,7 +39,7 @@ def quad_proposals(
         lines = np.empty((3 * largest_star, 3))
         for i in range(chunk * CHUNK, min((chunk + 1) * CHUNK, vertices.size)):
             dx, dy, _ = mean_proposal(
-                xy, vertices[i], corners, cells, offsets[i], offsets[i + 1], active, limit, step,
+                xy, vertices[i], corners, cells, offsets[i], offsets[i + 1], pace, limit, step,
                 True, lines,
             )  # fmt: skip
             wanted[i, 0], wanted[i, 1] = dx, dy

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numba import prange
 
-from qsmooth._types import BoolArray, FloatArray, IndexArray, TableArray
+from qsmooth._types import FloatArray, IndexArray, TableArray
 from qsmooth.kernels._jit import parallel_kernel
 from qsmooth.kernels.geometry import share
 from qsmooth.kernels.guards import allowed_step
@@ -23,7 +23,7 @@ def star_sweep(
     offsets: IndexArray,
     corners: TableArray,
     cells: TableArray,
-    active: BoolArray,
+    pace: FloatArray,
     limit: FloatArray,
     step: float,
     good: float,
@@ -41,8 +41,8 @@ def star_sweep(
         The movable vertices by colour: no two of one colour share a cell.
     offsets, corners, cells : (n_movable + 1,), (n_rows, 3), (n_rows,)
         The table of their stars (`topology.star_table`).
-    active : (n_cells,)
-        Which cells make proposals.
+    pace : (n_cells,)
+        Multiple of `step` at which each cell proposes; 0 for a cell that proposes nothing.
     limit : (2, 4)
         Angle thresholds as `moves.thresholds` tabulates them.
     step
@@ -62,7 +62,7 @@ def star_sweep(
                 v = vertices[i]
                 first, last = offsets[i], offsets[i + 1]
                 dx, dy, shortest = mean_proposal(
-                    xy, v, corners, cells, first, last, active, limit, step, False, lines
+                    xy, v, corners, cells, first, last, pace, limit, step, False, lines
                 )
                 moves[i], shares[i] = 0.0, 0.0
                 if dx != 0.0 or dy != 0.0:

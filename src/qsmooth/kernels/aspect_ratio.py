@@ -1,0 +1,122 @@
+"""Smoothing triangles by their edge ratios: along circumcircles, in place, colour by colour."""
+
+import math
+
+import numpy as np
+from numba import prange
+
+from qsmooth._types import FloatArray, IndexArray, TableArray
+from qsmooth.kernels._jit import helper, parallel_kernel
+from qsmooth.kernels.guards import (
+    allowed_step,
+    clearance,
+    guard_lines,
+    keeps_clearance,
+    tolerated_loss,
+)
+from qsmooth.kernels.star import CHUNK
+from qsmooth.kernels.topology import NO_VERTEX
+
+
+@helper()
+def along_circumcircle(
+    ux: float, uy: float, wx: float, wy: float, max_edge_ratio: float, step: float
+) -> tuple[float, float, float]:
+    """Move the corner at the origin of a triangle (0, u, w) towards its longer edge.
+
+    It stays on the circumcircle: the angle at the corner is kept, and those at u and w, which grow
+    and shrink in proportion to the arc, draw nearer to each other.
+
+    Returns
+    -------
+    dx, dy
+        Displacement, by `step` of the arc to the point where both edges are equally long. Zero
+        where the ratio of the edges is within `max_edge_ratio`, or the triangle not positive.
+    ratio
+        The longer edge over the shorter; 0 where there is no displacement.
+    """
+    uu, ww = ux * ux + uy * uy, wx * wx + wy * wy
+    jacobian = ux * wy - uy * wx
+    longer, shorter = max(uu, ww), min(uu, ww)
+    if not jacobian > 0.0 or longer <= max_edge_ratio * max_edge_ratio * shorter:
+        return 0.0, 0.0, 0.0
+    dot = ux * wx + uy * wy
+    at_u, at_w = math.atan2(jacobian, uu - dot), math.atan2(jacobian, ww - dot)
+    turn = 0.5 * step * (at_w - at_u)
+    # The law of sines gives the new distance from u.
+    share = math.sin(at_w - turn) * math.sqrt(uu * ww) / jacobian
+    along, across = share * math.cos(at_u + turn), share * math.sin(at_u + turn)
+    ex, ey = wx - ux, wy - uy
+    dx = ux + along * ex - across * ey
+    dy = uy + along * ey + across * ex
+    return dx, dy, math.sqrt(longer / shorter)
+
+
+@parallel_kernel()
+def aspect_ratio_sweep(
+    xy: FloatArray,
+    colour_offsets: IndexArray,
+    vertices: TableArray,
+    offsets: IndexArray,
+    corners: TableArray,
+    max_edge_ratio: float,
+    step: float,
+    power: float,
+    good: float,
+    largest_star: int,
+    moves: FloatArray,
+    shares: FloatArray,
+) -> None:
+    """Move each vertex once along the circumcircles of the triangles around it.
+
+    Each triangle whose two edges at the vertex differ too much proposes a place; those that lose
+    no clearance are averaged. Quads propose nothing, but are guarded.
+
+    Parameters
+    ----------
+    xy, colour_offsets, vertices, offsets, corners, good, largest_star, moves, shares
+        As in `star.star_sweep`.
+    max_edge_ratio
+        Edges whose ratio is no larger are left alone; 1 or more.
+    step
+        Fraction of the arc to the point where both edges are equal, in (0, 1].
+    power
+        Proposals are weighted by the ratio of their edges to this power; 0 is the plain mean.
+    """
+    for colour in range(colour_offsets.size - 1):
+        start, stop = colour_offsets[colour], colour_offsets[colour + 1]
+        for chunk in prange((stop - start + CHUNK - 1) // CHUNK):
+            lines = np.empty((3 * largest_star, 3))
+            for i in range(start + chunk * CHUNK, min(start + (chunk + 1) * CHUNK, stop)):
+                v = vertices[i]
+                first, last = offsets[i], offsets[i + 1]
+                x, y = xy[v, 0], xy[v, 1]
+                n_lines, longest, shortest, largest = guard_lines(
+                    xy, v, corners, first, last, lines
+                )
+                loss = tolerated_loss(longest, largest)
+                least = clearance(lines, n_lines) - loss
+                sx, sy, total = 0.0, 0.0, 0.0
+                for row in range(first, last):
+                    a, b, c = corners[row, 0], corners[row, 1], corners[row, 2]
+                    if b != NO_VERTEX:
+                        continue
+                    dx, dy, ratio = along_circumcircle(
+                        xy[a, 0] - x, xy[a, 1] - y, xy[c, 0] - x, xy[c, 1] - y,
+                        max_edge_ratio, step,
+                    )  # fmt: skip
+                    if dx * dx + dy * dy >= loss * loss and keeps_clearance(
+                        lines, n_lines, dx, dy, least
+                    ):
+                        weight = ratio**power
+                        sx += weight * dx
+                        sy += weight * dy
+                        total += weight
+                moves[i], shares[i] = 0.0, 0.0
+                if total > 0.0:
+                    new_x, new_y = allowed_step(
+                        xy, v, corners, first, last, sx / total, sy / total, good, lines, 0, 0.0
+                    )
+                    xy[v, 0], xy[v, 1] = new_x, new_y
+                    moves[i] = math.sqrt((new_x - x) * (new_x - x) + (new_y - y) * (new_y - y))
+                    shares[i] = moves[i] / shortest if moves[i] > 0.0 else 0.0

@@ -1,0 +1,103 @@
+"""Which cells to smooth: by number, or by a threshold on their quality, grown by rings."""
+
+from __future__ import annotations
+
+import operator
+import re
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from qsmooth._types import BoolArray
+from qsmooth.mesh import Mesh
+from qsmooth.metrics import HIGHER_IS_BETTER, quality
+
+_COMPARE: dict[str, Callable[[Any, Any], Any]] = {
+    "<": operator.lt,
+    "<=": operator.le,
+    ">": operator.gt,
+    ">=": operator.ge,
+}
+_THRESHOLD = re.compile(r"\s*(\w+)\s*(<=|>=|<|>)\s*(\S+)\s*")
+
+
+def parse_threshold(text: str) -> tuple[str, str, float]:
+    """Take a threshold such as ``"max_angle > 150"`` apart: metric, comparison, number.
+
+    Raises
+    ------
+    ValueError
+        If it does not read like that.
+    """
+    match = _THRESHOLD.fullmatch(text)
+    if match is not None and match[1] in HIGHER_IS_BETTER:
+        try:
+            return match[1], match[2], float(match[3])
+        except ValueError:
+            pass
+    raise ValueError(
+        "selection must be cells or a threshold such as 'max_angle > 150' on one of "
+        f"{', '.join(HIGHER_IS_BETTER)}; got {text!r}"
+    )
+
+
+def select_cells(mesh: Mesh, selection: npt.ArrayLike | str, rings: int = 0) -> BoolArray:
+    """Mark the selected cells.
+
+    Parameters
+    ----------
+    selection
+        Cell ids, a boolean mask over the cells, or a threshold such as ``"max_angle > 150"`` or
+        ``"scaled_jacobian <= 0.2"``.
+    rings
+        How often the selection grows by all cells that share a vertex with it.
+
+    Returns
+    -------
+    (n_cells,) bool
+
+    Raises
+    ------
+    ValueError
+        If `selection` is none of these, or has ids that are no cells.
+    """
+    if isinstance(selection, str):
+        metric, comparison, limit = parse_threshold(selection)
+        marked: BoolArray = np.asarray(_COMPARE[comparison](getattr(quality(mesh), metric), limit))
+    else:
+        marked = _marked(np.asarray(selection), mesh.n_cells)
+    for _ in range(rings):
+        touched = vertices_of(mesh, marked)
+        marked = np.logical_or.reduceat(touched[mesh.cell_vertices], mesh.cell_offsets[:-1])
+    return marked
+
+
+def vertices_of(mesh: Mesh, cells: BoolArray) -> BoolArray:
+    """Mark the corners of the marked cells, (n_vertices,)."""
+    vertices = np.zeros(mesh.n_vertices, np.bool_)
+    vertices[mesh.cell_vertices[np.repeat(cells, np.diff(mesh.cell_offsets))]] = True
+    return vertices
+
+
+def _marked(array: npt.NDArray[Any], n_cells: int) -> BoolArray:
+    if array.dtype == np.bool_:
+        if array.shape != (n_cells,):
+            raise ValueError(
+                f"a selection mask must have the shape ({n_cells},), got {array.shape}"
+            )
+        return array.copy()
+    marked = np.zeros(n_cells, np.bool_)
+    if array.size == 0:
+        return marked
+    if array.dtype.kind not in "iu" or array.ndim != 1:
+        raise ValueError("selection must be cell ids, a boolean mask or a threshold")
+    bad = (array < 0) | (array >= n_cells)
+    if bad.any():
+        raise ValueError(
+            f"{int(bad.sum())} cell ids in selection are outside 0 .. {n_cells - 1}, "
+            f"the first is {array[np.argmax(bad)]}"
+        )
+    marked[array.astype(np.int64)] = True
+    return marked
