@@ -447,7 +447,7 @@ class _Topology:
         return topology
 
     def schedule(self, keep_interfaces: bool, only: BoolArray | None = None) -> Schedule:
-        """Return the movable vertices (of `only` these) in the order of a sweep, and their stars."""
+        """Return the movable vertices in `only`, in the order of a sweep, and their stars."""
         if only is not None:
             return self._make_schedule(keep_interfaces, only)
         if keep_interfaces not in self._schedules:

@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -31,7 +31,7 @@ LEAST_SHAPE_GAIN = 1e-4
 # The "quality" guard lets a cell get worse only down to this scaled Jacobian.
 GOOD_SCALED_JACOBIAN = 0.5
 # Proposals of the aspect-ratio method are weighted by the edge ratio to this power.
-RATIO_POWER = 0.0
+RATIO_POWER = 4.0
 
 
 @dataclass(frozen=True)
@@ -147,6 +147,11 @@ class _Settings:
     good: float = math.nan
     group: str = "all"
     selected: BoolArray | None = None
+
+    @property
+    def diagonal(self) -> Diagonal:
+        """Along which quads are cut."""
+        return cast("Diagonal", "shorter" if self.split_quads is True else self.split_quads)
 
     def __post_init__(self) -> None:
         _require_integer("max_sweeps", self.max_sweeps, 0)
@@ -419,7 +424,7 @@ def smooth_aspect_ratio(
     rtol: float = 1e-3,
     guard: Guard = "quality",
     max_edge_ratio: float = 1.5,
-    step: float = 0.5,
+    step: float = 0.2,
     split_quads: bool | Diagonal = False,
     selection: npt.ArrayLike | str | None = None,
     selection_rings: int = 0,
@@ -430,8 +435,9 @@ def smooth_aspect_ratio(
     """Smooth triangles by making the two edges at each corner more alike.
 
     Each triangle proposes to move its corner along its circumcircle towards the longer edge, which
-    keeps the corner's angle. Proposals that cost no clearance are averaged. Quads propose nothing,
-    but their validity and quality is kept.
+    keeps the corner's angle. Proposals that cost no clearance are averaged, with the fourth power
+    of their edge ratios for weights; a step that would make the largest ratio around the vertex
+    larger is shortened. Quads propose nothing, but their validity and quality is kept.
 
     Parameters, result and errors are those of `smooth`; also a `ValueError` where there is no
     triangle.
@@ -627,8 +633,8 @@ def _start_aspect_ratio(mesh: Mesh, schedule: Schedule, settings: _Settings) -> 
     def sweep(xy: FloatArray, moves: FloatArray, shares: FloatArray) -> None:
         aspect_ratio_sweep(
             xy, schedule.colour_offsets, schedule.vertices, schedule.offsets, schedule.corners,
-            float(settings.max_edge_ratio), float(settings.step), RATIO_POWER, settings.good,
-            schedule.largest_star, moves, shares,
+            float(settings.max_edge_ratio), float(settings.step), RATIO_POWER,
+            float(settings.max_edge_ratio), settings.good, schedule.largest_star, moves, shares,
         )  # fmt: skip
 
     return sweep
@@ -690,6 +696,7 @@ METHODS = {
             _SWEEPING | {"guard", "step", "max_edge_ratio"},
             True,
             _start_aspect_ratio,
+            step=0.2,
         ),
         Method("angle", "Angle-based", _SWEEPING | {"guard", "step"}, True, _start_angle, 1.0),
         Method("laplacian", "Laplacian", _SWEEPING | {"weights"}, False, _start_laplacian),
@@ -764,9 +771,7 @@ def _cut(mesh: Mesh, method: Method, settings: _Settings) -> Mesh:
     if settings.split_quads is not False and n_triangles < mesh.n_cells:
         from qsmooth.split import split_quads
 
-        return split_quads(
-            mesh, "shorter" if settings.split_quads is True else settings.split_quads
-        )
+        return split_quads(mesh, settings.diagonal)
     if method.name == "aspect-ratio" and n_triangles == 0:
         raise ValueError(
             "method 'aspect-ratio' is for triangles and there is none; "
@@ -869,11 +874,10 @@ def _why_none_moves(settings: _Settings) -> str:
 
 def _split_note(mesh: Mesh, settings: _Settings, n_lost: int) -> str:
     """Say how the quads were cut, and what that did to them."""
-    diagonal = "shorter" if settings.split_quads is True else settings.split_quads
     n_quads = int((np.diff(mesh.cell_offsets) == 4).sum())
     return (
-        f"{n_quads} quads were smoothed as two triangles each, cut along the {diagonal} diagonal, "
-        f"which broke {n_lost if n_lost else 'none'} of them"
+        f"{n_quads} quads were smoothed as two triangles each, cut along the {settings.diagonal} "
+        f"diagonal, which broke {n_lost if n_lost else 'none'} of them"
     )
 
 

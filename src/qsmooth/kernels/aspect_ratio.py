@@ -8,6 +8,7 @@ from numba import prange
 from qsmooth._types import FloatArray, IndexArray, TableArray
 from qsmooth.kernels._jit import helper, parallel_kernel
 from qsmooth.kernels.guards import (
+    HALVINGS,
     allowed_step,
     clearance,
     guard_lines,
@@ -52,6 +53,54 @@ def along_circumcircle(
     return dx, dy, math.sqrt(longer / shorter)
 
 
+@helper()
+def star_edge_ratio(
+    xy: FloatArray, corners: TableArray, first: int, last: int, x: float, y: float
+) -> float:
+    """Largest ratio of two edges of one triangle of the star, squared, with v at (x, y)."""
+    largest = 1.0
+    for row in range(first, last):
+        a, b, c = corners[row, 0], corners[row, 1], corners[row, 2]
+        if b != NO_VERTEX:
+            continue
+        ax, ay, cx, cy = xy[a, 0] - x, xy[a, 1] - y, xy[c, 0] - x, xy[c, 1] - y
+        va, vc = ax * ax + ay * ay, cx * cx + cy * cy
+        ac = (cx - ax) * (cx - ax) + (cy - ay) * (cy - ay)
+        shortest = min(va, vc, ac)
+        largest = max(largest, max(va, vc, ac) / shortest if shortest > 0.0 else np.inf)
+    return largest
+
+
+@helper()
+def _step_within_ratio(
+    xy: FloatArray,
+    v: int,
+    corners: TableArray,
+    first: int,
+    last: int,
+    dx: float,
+    dy: float,
+    tolerated: float,
+    good: float,
+    lines: FloatArray,
+) -> tuple[float, float]:
+    """Take the step, halved until the star's largest edge ratio does not rise, or stay.
+
+    Returns
+    -------
+    x, y
+        The place to store.
+    """
+    x, y = xy[v, 0], xy[v, 1]
+    allowed = max(tolerated * tolerated, star_edge_ratio(xy, corners, first, last, x, y))
+    for _ in range(HALVINGS + 1):
+        new_x, new_y = allowed_step(xy, v, corners, first, last, dx, dy, good, lines, 0, 0.0)
+        if star_edge_ratio(xy, corners, first, last, new_x, new_y) <= allowed:
+            return new_x, new_y
+        dx, dy = 0.5 * (new_x - x), 0.5 * (new_y - y)
+    return x, y
+
+
 @parallel_kernel()
 def aspect_ratio_sweep(
     xy: FloatArray,
@@ -62,6 +111,7 @@ def aspect_ratio_sweep(
     max_edge_ratio: float,
     step: float,
     power: float,
+    tolerated: float,
     good: float,
     largest_star: int,
     moves: FloatArray,
@@ -82,6 +132,9 @@ def aspect_ratio_sweep(
         Fraction of the arc to the point where both edges are equal, in (0, 1].
     power
         Proposals are weighted by the ratio of their edges to this power; 0 is the plain mean.
+    tolerated
+        Besides the guards, no step may make the largest edge ratio of the star's triangles larger,
+        unless it stays within this; infinite for no such rule.
     """
     for colour in range(colour_offsets.size - 1):
         start, stop = colour_offsets[colour], colour_offsets[colour + 1]
@@ -114,8 +167,8 @@ def aspect_ratio_sweep(
                         total += weight
                 moves[i], shares[i] = 0.0, 0.0
                 if total > 0.0:
-                    new_x, new_y = allowed_step(
-                        xy, v, corners, first, last, sx / total, sy / total, good, lines, 0, 0.0
+                    new_x, new_y = _step_within_ratio(
+                        xy, v, corners, first, last, sx / total, sy / total, tolerated, good, lines
                     )
                     xy[v, 0], xy[v, 1] = new_x, new_y
                     moves[i] = math.sqrt((new_x - x) * (new_x - x) + (new_y - y) * (new_y - y))

@@ -6,10 +6,16 @@ import numpy as np
 from numba import prange
 
 from qsmooth._types import FloatArray, IndexArray
-from qsmooth.kernels._jit import parallel_kernel
+from qsmooth.kernels._jit import helper, parallel_kernel
 
 # Area of the equilateral triangle with edges of one, beside 1 for the square.
 TRIANGLE_AREA = 0.25 * math.sqrt(3.0)
+
+
+@helper()
+def _size(area: float, n_corners: int) -> float:
+    """Area over that of the ideal cell with edges of one."""
+    return area if n_corners == 4 else area / TRIANGLE_AREA
 
 
 @parallel_kernel()
@@ -34,18 +40,15 @@ def size_jump(
         Overwritten. 1 or more; infinite where an area is not positive, NaN without a neighbour.
     """
     for c in prange(out.size):
-        own = area[c] if cell_offsets[c + 1] - cell_offsets[c] == 4 else area[c] / TRIANGLE_AREA
+        own = _size(area[c], cell_offsets[c + 1] - cell_offsets[c])
         largest = np.nan
         for k in range(cell_offsets[c], cell_offsets[c + 1]):
             if twins[k] < 0:
                 continue
             n = corner_cells[twins[k]]
-            size = (
-                area[n] if cell_offsets[n + 1] - cell_offsets[n] == 4 else area[n] / TRIANGLE_AREA
-            )
-            if not (own > 0.0 and size > 0.0):
-                ratio = np.inf
-            else:
-                ratio = max(own, size) / min(own, size)
-            largest = ratio if math.isnan(largest) else np.maximum(largest, ratio)
+            other = _size(area[n], cell_offsets[n + 1] - cell_offsets[n])
+            ratio = np.inf
+            if own > 0.0 and other > 0.0:
+                ratio = max(own, other) / min(own, other)
+            largest = ratio if math.isnan(largest) else max(largest, ratio)
         out[c] = largest
