@@ -117,7 +117,7 @@ class Method:
     options: frozenset[str]
     guarded: bool
     start: Callable[[Mesh, Schedule, _Settings], Sweep]
-    step: float = 0.5  # the default
+    step: float = 0.25  # the default
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ class _Settings:
     min_angle: float = 60.0
     triangle_max_angle: float = 90.0
     triangle_min_angle: float = 45.0
-    step: float = 0.5
+    step: float = 0.25
     worst_fraction: float = 1.0
     worst_first: bool = False
     bad_angle: float = 180.0
@@ -341,7 +341,7 @@ def smooth_star(
     min_angle: float = 60.0,
     triangle_max_angle: float = 90.0,
     triangle_min_angle: float = 45.0,
-    step: float = 0.5,
+    step: float = 0.25,
     worst_fraction: float = 1.0,
     worst_first: bool = False,
     bad_angle: float = 180.0,
@@ -384,7 +384,7 @@ def smooth_quad(
     min_angle: float = 60.0,
     triangle_max_angle: float = 90.0,
     triangle_min_angle: float = 45.0,
-    step: float = 0.5,
+    step: float = 0.25,
     worst_fraction: float = 1.0,
     worst_first: bool = False,
     bad_angle: float = 180.0,
