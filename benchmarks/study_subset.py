@@ -17,6 +17,7 @@ from typing import Any
 
 import qsmooth
 from qsmooth import Mesh, SmoothResult, Summary
+from qsmooth.mesh import as_mesh
 
 STEPS: dict[str, dict[str, Any]] = {
     f"step {step}": {"step": step} for step in (0.125, 0.25, 0.375, 0.5, 0.75, 1.0)
@@ -128,7 +129,7 @@ def packaged() -> dict[str, Mesh]:
     from qsmooth import examples
 
     return {
-        "spiral": examples.spiral_mesh(),
+        "spiral": as_mesh(examples.spiral()),
         "lake": examples.lake(6000),
         "notch": examples.notch(40),
         "jittered": examples.jittered(40, 40),

@@ -9,9 +9,36 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray
+from qsmooth.generators import (
+    boundary_layer,
+    bump,
+    jittered,
+    lake,
+    notch,
+    random_interior,
+    random_triangles,
+    simple_case,
+    structured,
+    tangled,
+)
 
 if TYPE_CHECKING:
     from qsmooth.mesh import Mesh
+
+__all__ = [
+    "boundary_layer",
+    "bump",
+    "demo_mesh",
+    "jittered",
+    "lake",
+    "notch",
+    "random_interior",
+    "random_triangles",
+    "simple_case",
+    "spiral",
+    "structured",
+    "tangled",
+]
 
 # The band: its centre line and half its width at the angle t, which runs from START to END.
 START, END = 0.35 * 2.0 * math.pi, 2.1 * 2.0 * math.pi

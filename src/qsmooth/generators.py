@@ -103,9 +103,7 @@ def notch(n: int = 40, *, depth: float = 0.7, width: float = 0.2, kind: Kind = "
     return _grid(points, n, n, kind)
 
 
-def boundary_layer(
-    nx: int = 60, ny: int = 24, *, first: float = 1e-5, kind: Kind = "quad"
-) -> Mesh:
+def boundary_layer(nx: int = 60, ny: int = 24, *, first: float = 1e-5, kind: Kind = "quad") -> Mesh:
     """Lay thin quads along a wavy wall, the first of height `first`, growing geometrically to 1.
 
     Wanted anisotropy: what moves must not undo it.
@@ -324,9 +322,7 @@ def _distance(points: FloatArray, coast: FloatArray) -> FloatArray:
     return out
 
 
-def _fill(
-    curves: list[FloatArray], size: float, seed: int
-) -> tuple[FloatArray, IndexArray]:
+def _fill(curves: list[FloatArray], size: float, seed: int) -> tuple[FloatArray, IndexArray]:
     """Triangulate the lake with edges of about `size` at the coast and longer ones inside."""
     rims = [_resampled(curve, size) for curve in curves]
     coast = np.concatenate(rims)
@@ -349,9 +345,8 @@ def _fill(
         side *= 0.5
     inside = np.concatenate(leaves)
     inside = np.round(inside[_inside(inside, rims)] / LAKE_GRAIN) * LAKE_GRAIN
-    box = np.array([low, (high[0], low[1]), high, (low[0], high[1])]) + [
-        (-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)
-    ]  # fmt: skip
+    low, high = low - 1.0, high + 1.0
+    box = np.array([low, (high[0], low[1]), high, (low[0], high[1])])
     points, triangles = _delaunay(box, np.concatenate([coast, inside]))
     triangles = triangles[(triangles >= 4).all(axis=1)]
     triangles = triangles[_inside(points[triangles].mean(axis=1), rims)]
