@@ -1,0 +1,127 @@
+"""Angle-based smoothing and the centroid of the star polygon: by hand and against the reference."""
+
+import math
+
+import numpy as np
+import pytest
+import reference
+import reference_triangles
+from meshes import KINDS, grid, random_mesh
+from qsmooth import Mesh, smooth, smooth_angle, smooth_laplacian
+from qsmooth.kernels.angle import onto_bisector
+
+DIAMOND = [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 1)]
+RIM = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)]
+
+
+def four_squares(centre):
+    points, cells = grid(2, 2)
+    points[4] = centre
+    return Mesh(points, cells)
+
+
+@pytest.mark.nojit
+def test_the_bisector_of_an_angle_of_any_size():
+    for degrees in (10, 90, 179, 180, 181, 270, 350):
+        end = math.radians(degrees)
+        x, y, found = onto_bisector(0.3, 0.4, 2.0, 0.0, 3 * math.cos(end), 3 * math.sin(end))
+        assert found
+        assert (x, y) == pytest.approx((0.5 * math.cos(end / 2), 0.5 * math.sin(end / 2)))
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("zero", [0, 1, 2])
+def test_no_bisector_without_a_length(zero):
+    pairs = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0)]
+    pairs[zero] = (0.0, 0.0)
+    assert onto_bisector(*pairs[0], *pairs[1], *pairs[2]) == (0.0, 0.0, False)
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("guard", ["none", "quality", "clearance"])
+@pytest.mark.parametrize("d", [0.5, -0.2])
+def test_one_vertex_in_four_triangles(d, guard):
+    # Left and right it is on its bisectors and stays; from above and below it comes to x = 0, and
+    # what these two do to y cancels.
+    result = smooth_angle(Mesh([(d, 0.0), *RIM], DIAMOND), max_sweeps=1, guard=guard)
+    assert result.points[0] == pytest.approx((0.5 * d, 0.0), abs=1e-15)
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("guard", ["none", "quality"])
+def test_one_vertex_in_four_quads_turns_about_its_neighbours_only(guard):
+    result = smooth_angle(four_squares((1.3, 1.0)), max_sweeps=1, guard=guard)
+    assert result.points[4] == pytest.approx((1.15, 1.0), abs=1e-15)
+
+
+@pytest.mark.nojit
+def test_one_vertex_at_the_centroid_of_its_star():
+    # Whatever the vertex's place, that of the square is its centre.
+    result = smooth_laplacian(four_squares((1.4, 0.7)), max_sweeps=1, weights="area")
+    assert result.points[4] == pytest.approx((1.0, 1.0), abs=1e-15)
+    # An isosceles triangle cut from inside: a third of its height, where the mean is too.
+    points = [(0.1, 0.3), (-1.0, 0.0), (1.0, 0.0), (0.0, 3.0)]
+    mesh = Mesh(points, [(0, 1, 2), (0, 2, 3), (0, 3, 1)])
+    assert smooth(mesh, "laplacian", max_sweeps=1, weights="area").points[0] == pytest.approx(
+        (0.0, 1.0), abs=1e-15
+    )
+    # A square with one more vertex on its rim: the mean moves, the centroid does not.
+    points = [(0.4, 0.5), (0.0, 0.0), (1.0, 0.0), (1.0, 0.5), (1.0, 1.0), (0.0, 1.0)]
+    mesh = Mesh(points, [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5), (0, 5, 1)])
+    for method in ("laplacian", "smart-laplacian"):
+        uniform = smooth(mesh, method, max_sweeps=1).points[0]
+        assert uniform == pytest.approx((0.6, 0.5), abs=1e-15)
+        area = smooth(mesh, method, max_sweeps=1, weights="area").points[0]
+        assert area == pytest.approx((0.5, 0.5), abs=1e-15)
+
+
+REFERENCES = {
+    ("angle", "none"): lambda p, c, o, s: reference_triangles.angle_sweep(p, c, o),
+    ("angle", "quality"): lambda p, c, o, s: reference_triangles.guarded_angle_sweep(
+        p, c, o, 1.0, s
+    ),
+    ("laplacian", "quality"): lambda p, c, o, s: reference_triangles.centroid_sweep(p, c, o),
+    ("smart-laplacian", "quality"): reference_triangles.smart_centroid_sweep,
+}
+
+
+@pytest.mark.parametrize(("method", "guard"), REFERENCES)
+@pytest.mark.parametrize("kind", sorted(KINDS))
+def test_whole_meshes_agree_with_the_reference(kind, method, guard):
+    mesh = random_mesh(kind, 5, seed=8, amount=0.9, turned=0.5).mesh
+    points, cells = reference.as_complex(mesh.xy), reference.as_lists(mesh)
+    order = mesh._topology.schedule(True).vertices.tolist()
+    good = max(0.5, min(reference.scaled_jacobian(points, cell) for cell in cells))
+    options = {} if method == "angle" else {"weights": "area"}
+    if guard != "quality":
+        options["guard"] = guard
+    for n in (1, 2):
+        points = REFERENCES[method, guard](points, cells, order, reference.Options(good=good))
+        result = smooth(mesh, method, max_sweeps=n, rtol=0.0, **options)
+        size = np.ptp(mesh.xy, axis=0).max()
+        expected = [(z.real, z.imag) for z in points]
+        np.testing.assert_allclose(result.mesh.xy, expected, rtol=0, atol=1e-9 * size)
+
+
+@pytest.mark.nojit
+def test_the_step_is_a_share_of_the_way():
+    result = smooth_angle(Mesh([(0.4, 0.0), *RIM], DIAMOND), max_sweeps=1, step=0.5)
+    assert result.points[0] == pytest.approx((0.3, 0.0), abs=1e-15)
+
+
+def test_unguarded_it_says_what_it_broke_and_guarded_nothing_breaks():
+    from qsmooth.examples import random_triangles
+
+    mesh = random_triangles(400, seed=1)
+    free = smooth(mesh, "angle", guard="none")
+    assert free.after.n_invalid > 0
+    assert f"angle is unguarded: it made {free.after.n_invalid} cell" in free.reason
+    for guard in ("quality", "clearance"):
+        assert all(r.n_invalid == 0 for r in smooth(mesh, "angle", guard=guard).history)
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("method", ["star", "quad", "smart-laplacian", "aspect-ratio"])
+def test_other_methods_can_not_go_unguarded(method):
+    with pytest.raises(ValueError, match=f"'{method}' is always guarded"):
+        smooth(Mesh([(0.4, 0.0), *RIM], DIAMOND), method, guard="none")
