@@ -220,7 +220,7 @@ class Options:
     min_angle: float = 60.0
     triangle_max_angle: float = 90.0
     triangle_min_angle: float = 45.0
-    step: float = 0.25
+    step: float = 0.5
     good: float | None = None
     active: set[int] | None = field(default=None)
 

@@ -4,6 +4,7 @@ As in `reference`: complex numbers, lists of vertex ids, nothing shared with the
 """
 
 import cmath
+import itertools
 import math
 
 from reference import (
@@ -27,7 +28,9 @@ def along_circle(z: complex, a: complex, c: complex, step: float) -> complex:
     """Move z on the circle through z, a, c by a share of the arc to where both are as far."""
     centre = circumcentre(z, a, c)
     apex = centre + abs(z - centre) * 1j * (c - a) / abs(c - a)
-    return centre + (z - centre) * cmath.exp(1j * step * cmath.phase((apex - centre) / (z - centre)))
+    return centre + (z - centre) * cmath.exp(
+        1j * step * cmath.phase((apex - centre) / (z - centre))
+    )
 
 
 def star_ratio(points, v, cells, z: complex) -> float:
@@ -73,7 +76,7 @@ def outline(v, cells):
     """What follows, and what goes before, each vertex of the polygon round v's star."""
     after, before = {}, {}
     for cell in fan(v, cells):
-        for p, q in zip(cell[1:-1], cell[2:], strict=True):
+        for p, q in itertools.pairwise(cell[1:]):
             after[p], before[q] = q, p
     return after, before
 

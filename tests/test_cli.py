@@ -325,7 +325,7 @@ def test_json_does_not_destroy_the_mesh(fails, mesh_file, tmp_path, command):
         (["--max-angle", 50], "--max-angle must be over --min-angle"),
         (["--triangle-min-angle", -5], "--triangle-min-angle must be in (0, 180)"),
         (["--threads", 0], "--threads must be an integer of 1 or more"),
-        (["--method", "magic"], "--method must be one of star, quad"),
+        (["--method", "magic"], "--method must be one of auto, star, quad"),
         (["--method", "laplacian", "--step", 0.2], "no option --step"),
         (["--method", "laplacian", "--max-angle", 130], "no option --max-angle"),
     ],

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+
 from qsmooth import Mesh, examples, quality, smooth
 from qsmooth.kernels.delaunay import triangulate
 from qsmooth.kernels.topology import boundary_loops

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from meshes import KINDS, place, random_mesh, random_meshes
 from qsmooth import Mesh, examples, quality, smooth
 from test_real_meshes import VALID, read
@@ -80,9 +81,7 @@ def test_fixed_vertices_interfaces_and_orphans_stay(name):
         result = run(mesh, name, max_sweeps=3, **options)
         assert result.points[rests].tobytes() == mesh.points[rests].tobytes()
         assert (result.points != mesh.points).any()
-        assert all(
-            np.array_equal(a, b) for a, b in zip(result.mesh.cells, mesh.cells, strict=True)
-        )
+        assert all(np.array_equal(a, b) for a, b in zip(result.mesh.cells, mesh.cells, strict=True))
 
 
 @pytest.mark.filterwarnings("ignore::qsmooth.MeshWarning")
@@ -114,7 +113,7 @@ def test_on_tangled_meshes_no_valid_cell_is_lost(seed):
         assert f"{result.method} does not untangle" in result.reason
 
 
-# ------------------------------------------------------------------------------- the studies' claims
+# ------------------------------------------------------------------------ the studies' claims
 
 
 @pytest.fixture(scope="module")

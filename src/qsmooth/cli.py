@@ -281,7 +281,7 @@ def smooth(
             help="star, quad, smart-laplacian or laplacian (unguarded: may break cells).",
             rich_help_panel=METHOD,
         ),
-    ] = "star",
+    ] = "auto",
     sweeps: SweepsOption = 50,
     rtol: RtolOption = None,
     guard: GuardOption = None,
@@ -643,10 +643,12 @@ def _smooth(mesh: Mesh, method: str, sweeps: int, options: dict[str, Any]) -> Sm
 def _compare(
     mesh: Mesh, names: Sequence[str], sweeps: int, options: dict[str, Any]
 ) -> list[SmoothResult]:
-    from qsmooth.smoothing import METHODS
+    from qsmooth.smoothing import METHODS, why_not
 
     results = []
     for name in names:
+        if len(names) > 1 and why_not(mesh, name):
+            continue
         own = {k: v for k, v in options.items() if k in METHODS[name].options}
         if sweeps > 0:
             # One sweep beforehand: the first call compiles, which is not the method's time.

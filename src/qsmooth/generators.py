@@ -283,8 +283,9 @@ def _curve(t: FloatArray, rng: np.random.Generator, most: int, amplitude: float)
     for k in range(2, most + 1):
         height = amplitude * rng.normal() / k**1.25
         radius += height * np.cos(k * t + rng.uniform(0.0, 2.0 * math.pi))
-    radius = np.asarray(np.maximum(radius, 0.3))
-    return radius[:, None] * np.stack([np.cos(t), np.sin(t)], axis=1)
+    radius = np.maximum(radius, 0.3)
+    curve: FloatArray = radius[:, None] * np.stack([np.cos(t), np.sin(t)], axis=1)
+    return curve
 
 
 def _inside(points: FloatArray, curves: list[FloatArray]) -> BoolArray:

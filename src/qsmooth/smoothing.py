@@ -156,8 +156,6 @@ class _Settings:
     def __post_init__(self) -> None:
         _require_integer("max_sweeps", self.max_sweeps, 0)
         _require(0.0 <= self.rtol < 1.0, "rtol must be in [0, 1)", self.rtol)
-        if self.guard not in ("quality", "clearance", "none"):
-            raise ValueError(f"guard must be 'quality', 'clearance' or 'none', got {self.guard!r}")
         for prefix in ("", "triangle_"):
             low, high = getattr(self, prefix + "min_angle"), getattr(self, prefix + "max_angle")
             _require(0.0 < low < 180.0, f"{prefix}min_angle must be in (0, 180) degrees", low)
@@ -300,6 +298,10 @@ def smooth(
     if method == "auto":
         method, why = _choose(mesh, split_quads)
         chosen = f"auto chose {method}, as {why}"
+    guards = ("quality", "clearance", "none") if method == "angle" else ("quality", "clearance")
+    if guard not in guards:
+        words = " or ".join(", ".join(map(repr, guards)).rsplit(", ", 1))
+        raise ValueError(f"guard must be {words}, got {guard!r}")
     settings = _Settings(
         max_sweeps=max_sweeps,
         rtol=rtol,
@@ -323,11 +325,10 @@ def smooth(
     )
     defaults = _Settings(step=METHODS[method].step)
     for option in sorted(METHOD_OPTIONS - METHODS[method].options):
-        if getattr(settings, option) != getattr(defaults, option):
+        given = getattr(settings, option) != getattr(defaults, option)
+        if given or (option == "step" and step is not None):
             of = f" ({chosen})" if chosen else ""
             raise ValueError(f"method {method!r} has no option {option}{of}")
-    if guard == "none" and method != "angle":
-        raise ValueError(f"method {method!r} is always guarded: guard can't be 'none'")
     return _iterate(mesh, METHODS[method], settings, callback, chosen)
 
 
@@ -775,12 +776,19 @@ def _cut(mesh: Mesh, method: Method, settings: _Settings) -> Mesh:
         from qsmooth.split import split_quads
 
         return split_quads(mesh, settings.diagonal)
-    if method.name == "aspect-ratio" and n_triangles == 0:
-        raise ValueError(
+    if reason := why_not(mesh, method.name):
+        raise ValueError(reason)
+    return mesh
+
+
+def why_not(mesh: Mesh, method: str) -> str:
+    """Say in one line why a method can do nothing with the mesh's cells; empty where it can."""
+    if method == "aspect-ratio" and (np.diff(mesh.cell_offsets) == 4).all():
+        return (
             "method 'aspect-ratio' is for triangles and there is none; "
             "split_quads=True cuts the quads in two"
         )
-    return mesh
+    return ""
 
 
 def _limits(settings: _Settings) -> FloatArray:

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+
 import reference
 import reference_triangles
 from meshes import random_mesh
@@ -22,7 +23,7 @@ def test_on_a_half_circle_the_corner_goes_towards_the_middle(step):
     a, c = np.array([-1.0, 0.0]), np.array([1.0, 0.0])
     dx, dy, ratio = along_circumcircle(*(a - v), *(c - v), 1.5, step)
     angle = math.radians(30 + 60 * step)
-    assert v + (dx, dy) == pytest.approx((math.cos(angle), math.sin(angle)), abs=1e-14)
+    assert (v[0] + dx, v[1] + dy) == pytest.approx((math.cos(angle), math.sin(angle)), abs=1e-14)
     assert ratio == pytest.approx(1.0 / math.tan(math.radians(15)))
 
 

@@ -182,6 +182,6 @@ def test_whole_meshes_agree_with_the_reference_sweep_by_sweep(kind, options):
     good = max(0.5, worst) if own.pop("guard", "quality") == "quality" else None
     for n in (1, 2, 3):
         active = reference.worst_cells(points, cells, share) if share < 1.0 else None
-        settings = reference.Options(**own, good=good, active=active)
+        settings = reference.Options(**({"step": 0.25} | own), good=good, active=active)
         points = reference.quad_sweep(points, cells, order, settings)
         agree(mesh, smooth(mesh, "quad", max_sweeps=n, rtol=0.0, **options).mesh.xy, points)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from meshes import grid, random_mesh, tilt
 from qsmooth import Mesh, MeshError, quality, smooth
 from qsmooth.split import split_quads

@@ -150,7 +150,7 @@ def test_whole_meshes_agree_with_the_reference_sweep_by_sweep(kind, options):
     good = max(0.5, worst) if own.pop("guard", "quality") == "quality" else None
     for n in (1, 2, 3):
         active = reference.worst_cells(points, cells, share) if share < 1.0 else None
-        settings = reference.Options(**own, good=good, active=active)
+        settings = reference.Options(**({"step": 0.25} | own), good=good, active=active)
         points = reference.star_sweep(points, cells, order, settings)
         agree(mesh, smooth(mesh, "star", max_sweeps=n, rtol=0.0, **options).mesh.xy, points)
 
@@ -165,7 +165,7 @@ def test_on_a_tangled_mesh_it_agrees_too():
     assert any(reference.validity(points, cell) for cell in cells)
     order = mesh._topology.schedule(True).vertices.tolist()
     for n in (1, 2, 3):
-        points = reference.star_sweep(points, cells, order, reference.Options(good=0.5))
+        points = reference.star_sweep(points, cells, order, reference.Options(good=0.5, step=0.25))
         agree(mesh, smooth(mesh, "star", max_sweeps=n, rtol=0.0).mesh.xy, points)
 
 
