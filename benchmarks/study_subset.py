@@ -7,6 +7,13 @@
 Prints a table for each mesh: the extremes and means after 50 sweeps, whether any of the six got
 worse than the input's, and invalid cells summed over all sweeps. Then every method with its
 defaults: how uniform the cells are (size jump), and the invalid cells it makes.
+
+What it showed, on the spiral and Lake Superior of the paper's kind and on the packaged meshes: a
+step of 0.25 has better means, by star clearly, than 0.5, and most extremes; thresholds between
+100° and 120° and between 60° and 80° differ by less than the neighbouring choices of a step do, so
+the paper's stay. Smoothing the worst group first moves the extremes by up to 5° either way, and the
+means by less than 0.1°: no choice gains on all meshes, so it is off by default. Steps over 1 for
+bad cells cost by star some of its smallest angle.
 """
 
 import argparse

@@ -46,7 +46,9 @@ def test_formats_are_those_there_are():
     assert set(re.findall(r"`(\.\w+)`", table)) == endings
 
 
-@pytest.mark.parametrize("name", ["star", "quad", "smart-laplacian", "laplacian"])
+@pytest.mark.parametrize(
+    "name", ["star", "quad", "aspect-ratio", "angle", "smart-laplacian", "laplacian"]
+)
 def test_methods_are_described(name):
     from qsmooth.smoothing import METHODS
 

@@ -1,5 +1,7 @@
 """Selections, the worst group first, larger steps for bad cells, and what auto picks."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -265,3 +267,20 @@ def test_a_cell_without_area_jumps_infinitely():
     flat = Mesh([(0, 0), (1, 0), (2, 0), (1, 1)], [(0, 1, 2), (0, 2, 3)])
     assert np.isinf(quality(flat).size_jump).all()
     assert quality(flat).summary().to_dict()["size_jump"] is None
+
+
+@pytest.mark.parametrize("rings", [0, 1])
+def test_the_worst_group_of_a_selection_is_among_the_selected(mesh, rings):
+    marked = select_cells(mesh, "max_angle > 140", rings)
+    chosen = set(np.flatnonzero(marked).tolist())
+    points, cells = reference.as_complex(mesh.xy), reference.as_lists(mesh)
+    ranked = sorted(chosen, key=lambda c: -max(reference.angles(points, cells[c])))
+    active = set(ranked[: math.ceil(0.3 * len(ranked))])
+    order = mesh._topology.schedule(True, vertices_of(mesh, marked)).vertices.tolist()
+    options = reference.Options(good=0.5, active=active, step=0.25)
+    expected = [(z.real, z.imag) for z in reference.star_sweep(points, cells, order, options)]
+    result = smooth(
+        mesh, "star", selection="max_angle > 140", selection_rings=rings, worst_fraction=0.3,
+        max_sweeps=1,
+    )  # fmt: skip
+    np.testing.assert_allclose(result.mesh.xy, expected, rtol=0, atol=1e-12)

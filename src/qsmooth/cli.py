@@ -151,7 +151,8 @@ TriangleMinAngleOption = Annotated[
 StepOption = Annotated[
     float | None,
     typer.Option(
-        help="Share of each proposed move that is made, up to 1.  [dim]\\[default: 0.5][/dim]",
+        help="Share of each proposed move that is made, up to 1.  "
+        "[dim]\\[default: 0.25; aspect-ratio 0.2, angle 1][/dim]",
         rich_help_panel=METHOD,
     ),
 ]

@@ -129,3 +129,24 @@ def test_other_methods_can_not_go_unguarded(method):
         smooth(mesh, method, guard="none")
     with pytest.raises(ValueError, match="guard must be 'quality', 'clearance' or 'none', got 'no"):
         smooth(mesh, "angle", guard="no")
+
+
+def test_on_quads_waves_grow_and_on_quads_that_are_cut_they_do_not():
+    # By hand: of the waves (1, ±1) cos k(x + y) one is multiplied by ½ + ½ cos k + ½ sin² k.
+    n = 36
+    mesh = Mesh(*grid(n, n))
+    x, y = mesh.points[:, 0], mesh.points[:, 1]
+    wave = np.cos(math.pi / 3.0 * (x + y))
+    height = 1e-6 * wave
+    height[mesh.is_boundary] = 0.0
+    inner = (np.abs(x - n / 2) < 6) & (np.abs(y - n / 2) < 6)
+
+    def growth(sign, **options):
+        start = mesh.with_points(mesh.points + np.stack([height, sign * height], axis=1))
+        end = smooth(start, "angle", guard="none", max_sweeps=1, **options)
+        before = (start.points - mesh.points)[inner]
+        after = (end.points - mesh.points)[inner]
+        return float((before * after).sum() / (before * before).sum())
+
+    assert max(growth(1.0), growth(-1.0)) == pytest.approx(1.125, abs=1e-4)
+    assert max(growth(s, split_quads="first") for s in (1.0, -1.0)) < 1.0
