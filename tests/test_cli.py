@@ -1,3 +1,4 @@
+import inspect
 import io
 import json
 import os
@@ -9,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from qsmooth import Mesh, __version__, quality, read_mesh, smooth, write_mesh
+from qsmooth import Mesh, __version__, cli, limits, quality, read_mesh, smooth, untangle, write_mesh
 from qsmooth.cli import run
-from qsmooth.examples import spiral
+from qsmooth.examples import random_triangles, spiral, tangled
 
 pytestmark = pytest.mark.nojit
 
-COMMANDS = ["smooth", "quality", "compare", "info", "demo"]
+COMMANDS = ["smooth", "untangle", "quality", "compare", "info", "demo"]
 
 
 @pytest.fixture(autouse=True)
@@ -213,31 +214,68 @@ def test_smooth_writes_what_python_gives(call, mesh_file, tmp_path):
     assert mesh_file.read_bytes() == before
     for words in ("Before", "After", "Largest angle", "Cells not valid", "better by"):
         assert words in out
-    assert "By star: 5 sweeps in" in out
-    assert "as --sweeps says" in out
+    assert "Optimise: 5 sweeps in" in out
+    assert "--sweeps 5 was reached" in out
     assert f"Wrote {out_file}" in out
     assert "\x1b" not in out
 
 
-def test_smooth_takes_every_option(call, mesh_file, tmp_path):
-    report = tmp_path / "report.json"
-    options = {
+OPTIONS = [
+    ("quad", {
         "rtol": 0.0, "guard": "clearance", "max_angle": 130.0, "min_angle": 50.0,
         "triangle_max_angle": 100.0, "triangle_min_angle": 40.0, "step": 0.25,
         "worst_fraction": 0.5, "keep_interfaces": False, "threads": 1,
-    }  # fmt: skip
-    arguments = []
-    for name, value in options.items():
-        option = "--" + name.replace("_", "-")
-        arguments += ["--no-keep-interfaces"] if value is False else [option, value]
+    }),
+    ("star", {
+        "worst_fraction": 0.3, "worst_first": True, "bad_angle": 150.0, "bad_step": 0.5,
+        "selection": "max_angle > 130", "selection_rings": 1,
+    }),
+    ("optimize", {
+        "worst": False, "target_quality": 0.9, "time_limit": 1000.0, "mean_loss": 0.2,
+        "objective": "shape", "selection": [3, 7, 12], "selection_rings": 2,
+    }),
+    ("aspect-ratio", {"split_quads": "first", "max_edge_ratio": 1.5}),
+    ("angle", {"guard": "none", "step": 0.5}),
+    ("smart-laplacian", {"weights": "area"}),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("method", "options"), OPTIONS, ids=[m for m, _ in OPTIONS])
+def test_smooth_takes_every_option(call, mesh_file, tmp_path, method, options):
+    report = tmp_path / "report.json"
     code, _, _ = call(
-        "smooth", mesh_file, "-o", tmp_path / "out.off", "--method", "quad", "--sweeps", 3,
-        "--json", report, *arguments,
+        "smooth", mesh_file, "-o", tmp_path / "out.off", "--method", method, "--sweeps", 30,
+        "--json", report, *arguments_for(options),
     )  # fmt: skip
     assert code == 0
-    expected = smooth(read_mesh(mesh_file), "quad", max_sweeps=3, **options)
+    expected = smooth(read_mesh(mesh_file), method, max_sweeps=30, **options)
     assert np.array_equal(read_mesh(tmp_path / "out.off").points, expected.mesh.points)
-    assert json.loads(report.read_text())["options"] == {"sweeps": 3, **options}
+    facts = json.loads(report.read_text())
+    assert facts["options"] == {"sweeps": 30, **options}
+    assert facts["method"] == method
+
+
+def test_every_option_of_python_is_one_of_the_shell():
+    taken = {"callback", "mesh", "method", "max_sweeps"}
+    options = set(inspect.signature(smooth).parameters) - taken
+    assert options == {name for _, options in OPTIONS for name in options}
+    for command in ("smooth", "compare"):
+        names = inspect.signature(getattr(cli, command)).parameters
+        assert options | {"sweeps"} <= set(names)
+
+
+def arguments_for(options):
+    """Options of Python as they are written in the shell."""
+    words = []
+    for name, value in options.items():
+        option = "--" + name.replace("_", "-")
+        if name == "selection" and not isinstance(value, str):
+            value = ",".join(map(str, value))
+        if isinstance(value, bool):
+            words += [option if value else option.replace("--", "--no-", 1)]
+        else:
+            words += [option, value]
+    return words
 
 
 def test_smooth_reports_as_json(call, mesh_file, tmp_path):
@@ -245,8 +283,11 @@ def test_smooth_reports_as_json(call, mesh_file, tmp_path):
     assert call("smooth", mesh_file, "-o", tmp_path / "out.off", "--json", report)[0] == 0
     facts = json.loads(report.read_text())
     result = smooth(read_mesh(mesh_file))
-    assert facts["method"] == "star"
-    assert facts["sweeps"] == result.sweeps == len(facts["history"])
+    assert facts["method"] == "optimize"
+    assert facts["sweeps"] == result.sweeps
+    assert len(facts["history"]) == len(result.history)
+    assert facts["options"] == {}
+    assert facts["limits"] == limits(result.mesh).to_dict()
     assert facts["converged"] is result.converged
     assert facts["reason"] == result.reason
     assert facts["before"] == result.before.to_dict()
@@ -257,7 +298,7 @@ def test_smooth_reports_as_json(call, mesh_file, tmp_path):
 def test_smooth_prints_json_alone(call, mesh_file, tmp_path):
     code, out, _ = call("smooth", mesh_file, "-o", tmp_path / "out.off", "--json", "-")
     assert code == 0
-    assert json.loads(out)["method"] == "star"
+    assert json.loads(out)["method"] == "optimize"
 
 
 def test_out_format_goes_by_its_ending(call, mesh_file, tmp_path):
@@ -325,9 +366,27 @@ def test_json_does_not_destroy_the_mesh(fails, mesh_file, tmp_path, command):
         (["--max-angle", 50], "--max-angle must be over --min-angle"),
         (["--triangle-min-angle", -5], "--triangle-min-angle must be in (0, 180)"),
         (["--threads", 0], "--threads must be an integer of 1 or more"),
-        (["--method", "magic"], "--method must be one of auto, star, quad"),
+        (["--method", "magic"], "--method must be one of auto, optimize, star, quad"),
         (["--method", "laplacian", "--step", 0.2], "no option --step"),
         (["--method", "laplacian", "--max-angle", 130], "no option --max-angle"),
+        (["--step", 0.2], "method 'optimize' has no option --step (auto chose optimize)"),
+        (["--method", "star", "--worst-first"], "--worst-first needs a --worst-fraction below 1"),
+        (["--method", "star", "--bad-angle", 400], "--bad-angle must be in (0, 360)"),
+        (["--method", "star", "--bad-step", 3], "--bad-step must be in (0, 2]"),
+        (["--method", "star", "--guard", "none"], "--guard must be 'quality' or 'clearance'"),
+        (["--method", "star", "--no-worst"], "method 'star' has no option --worst"),
+        (["--method", "aspect-ratio"], "--split-quads shorter cuts the quads in two"),
+        (["--max-edge-ratio", 0.5], "--max-edge-ratio must be 1 or more"),
+        (["--selection", "3,x"], "--selection takes cell ids such as 3,7,12 or a threshold such"),
+        (["--selection", "beauty > 3"], "such as 'max_angle > 150' on one of min_angle,"),
+        (["--selection", "2,100000"], "1 cell id in --selection is outside 0 .. "),
+        (["--selection-rings", -1], "--selection-rings must be an integer of 0 or more"),
+        (["--target-quality", 2], "--target-quality must be in (0, 1], got 2.0"),
+        (["--time-limit", 0], "--time-limit must be over 0 seconds, got 0.0"),
+        (["--mean-loss", 1], "--mean-loss must be in [0, 1), got 1.0"),
+        (["--weights", "heavy"], "--weights"),
+        (["--objective", "beauty"], "--objective"),
+        (["--split-quads", "longer"], "--split-quads"),
     ],
 )
 def test_options_out_of_range(fails, mesh_file, tmp_path, arguments, message):
@@ -383,7 +442,140 @@ def test_z_as_a_value(call, fails, tmp_path):
     assert np.array_equal(*z)
 
 
+def test_smooth_shows_the_limits_on_lines_of_their_own(call, mesh_file, tmp_path):
+    out_file = tmp_path / "out.off"
+    code, out, _ = call("smooth", mesh_file, "-o", out_file)
+    assert code == 0
+    for line in str(limits(read_mesh(out_file))).splitlines():
+        assert f"\n  {line[0].upper()}{line[1:]}.\n" in out
+    assert out.count("no placement of this connectivity") == 2
+    code, out, _ = call("smooth", mesh_file, "-o", tmp_path / "star.off", "--method", "star")
+    assert out.count("no placement of this connectivity") == 2
+
+
+@pytest.mark.parametrize("command", ["smooth", "untangle"])
+def test_unknown_endings_are_refused_before_the_work(fails, call, mesh_file, tmp_path, command):
+    message = fails(command, mesh_file, "-o", tmp_path / "out.ofg")
+    assert "unknown ending '.ofg', known are off, gmsh" in message
+    assert not (tmp_path / "out.ofg").exists()
+    assert "unknown format 'oof'" in fails(
+        command, mesh_file, "-o", tmp_path / "out", "--output-format", "oof"
+    )
+    assert call(command, mesh_file, "-o", tmp_path / "out")[0] == 0  # no ending: as IN
+    assert (tmp_path / "out").read_text().startswith("OFF")
+    named = tmp_path / "mesh.txt"
+    named.write_bytes(mesh_file.read_bytes())
+    done = call(command, named, "--format", "off", "-o", tmp_path / "out.txt")
+    assert done[0] == 0  # the ending that IN has
+
+
+# untangle
+
+
+# A pentagon's corner that no move mends: it and its neighbours are all on the boundary.
+HOPELESS = "OFF\n6 2 0\n0 0 0\n2 0 0\n0.5 0.5 0\n0 2 0\n-2 0 0\n-2 2 0\n4 0 1 2 3\n4 4 0 3 5\n"
+
+
+@pytest.fixture
+def tangled_file(tmp_path):
+    path = tmp_path / "tangled.off"
+    write_mesh(path, tangled(12, 12, seed=3))
+    return path
+
+
+def test_untangle_writes_what_python_gives(call, tangled_file, tmp_path):
+    before, out_file = tangled_file.read_bytes(), tmp_path / "out.off"
+    code, out, err = call("untangle", tangled_file, "-o", out_file)
+    assert (code, err) == (0, "")
+    expected = untangle(read_mesh(tangled_file))
+    assert np.array_equal(read_mesh(out_file).points, expected.points)
+    assert quality(read_mesh(out_file)).n_invalid == 0
+    assert tangled_file.read_bytes() == before
+    n = expected.before.n_invalid
+    assert re.search(rf"Cells not valid +{n} +0 +better by {n}", out)
+    for kind, count in expected.before.validity.items():
+        if kind != "valid" and count:
+            assert re.search(rf"of these {kind} +{count} +0", out)
+    assert f"Untangle: {expected.sweeps} sweep" in out
+    assert f"untangled {n} cells" in out
+    assert out.endswith(f"Wrote {out_file}\n")
+
+
+def test_untangle_writes_its_best_where_cells_stay_invalid(call, tmp_path):
+    path, out_file = tmp_path / "hopeless.off", tmp_path / "out.off"
+    path.write_text(HOPELESS)
+    code, out, err = call("untangle", path, "-o", out_file)
+    assert (code, err) == (1, "")
+    assert "FAILED: 1 cell of 2 not valid" in out
+    assert f"Wrote the best that was found, {out_file}" in out
+    assert read_mesh(out_file).n_cells == 2
+    code, out, err = call("untangle", path, "-o", out_file, "--overwrite", "--json", "-")
+    assert code == 1
+    facts = json.loads(out)
+    assert facts["valid"] is False
+    assert facts["method"] == "untangle"
+    assert facts["after"]["n_invalid"] == 1
+    assert "failed: 1 cell of 2 not valid" in err
+
+
+def test_untangle_takes_every_option(call, tangled_file, tmp_path):
+    report = tmp_path / "report.json"
+    code, _, _ = call(
+        "untangle", tangled_file, "-o", tmp_path / "out.off", "--sweeps", 1, "--time-limit", 100,
+        "--no-keep-interfaces", "--threads", 1, "--json", report,
+    )  # fmt: skip
+    facts = json.loads(report.read_text())
+    assert facts["options"] == {
+        "sweeps": 1, "time_limit": 100.0, "keep_interfaces": False, "threads": 1,
+    }  # fmt: skip
+    expected = untangle(read_mesh(tangled_file), max_sweeps=1)
+    assert facts["sweeps"] == expected.sweeps
+    assert facts["after"] == expected.after.to_dict()
+    assert code == (1 if expected.after.n_invalid else 0)
+
+
+def test_untangle_leaves_a_valid_mesh(call, mesh_file, tmp_path):
+    out_file = tmp_path / "out.off"
+    code, out, _ = call("untangle", mesh_file, "-o", out_file)
+    assert code == 0
+    assert "there was nothing to untangle" in out
+    assert out_file.read_bytes() == mesh_file.read_bytes()
+
+
+def test_untangle_overwrites_nothing(fails, tangled_file, tmp_path):
+    before = tangled_file.read_bytes()
+    assert "OUT is the input" in fails("untangle", tangled_file, "-o", tangled_file)
+    assert tangled_file.read_bytes() == before
+    other = tmp_path / "other.off"
+    other.write_text("precious")
+    assert "exists; --overwrite" in fails("untangle", tangled_file, "-o", other)
+    assert other.read_text() == "precious"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--sweeps", -1], "--sweeps must be an integer of 0 or more, got -1"),
+        (["--time-limit", 0], "--time-limit must be over 0 seconds"),
+        (["--threads", 0], "--threads must be an integer of 1 or more"),
+    ],
+)
+def test_untangle_refuses(fails, tangled_file, tmp_path, arguments, message):
+    assert message in fails("untangle", tangled_file, "-o", tmp_path / "out.off", *arguments)
+    assert not (tmp_path / "out.off").exists()
+
+
 # quality
+
+
+def test_quality_shows_the_limits(call, mesh_file):
+    _, out, _ = call("quality", mesh_file)
+    bounds = limits(read_mesh(mesh_file))
+    assert f"no placement of this connectivity can exceed {bounds.min_angle:.2f}°" in out
+    for line in str(bounds).splitlines():
+        assert f"  {line[0].upper()}{line[1:]}.\n" in out
+    facts = json.loads(call("quality", mesh_file, "--json", "-")[1])
+    assert facts["limits"] == bounds.to_dict()
 
 
 def test_quality_shows_extremes_and_worst_cells(call, mesh_file):
@@ -491,9 +683,13 @@ def test_compare_puts_methods_side_by_side(call, mesh_file):
     code, out, err = call("compare", mesh_file, "--sweeps", 4)
     assert (code, err) == (0, "")
     head = next(line for line in out.splitlines() if "Original" in line)
-    for name in ("By star", "By quad", "Laplacian", "Smart Laplacian"):
+    for name in ("Optimise", "By star", "By quad", "Angle-based", "Laplacian", "Smart Laplacian"):
         assert name in head
         assert f"{name}: 4 sweeps in" in out
+    assert "By aspect ratio" not in head
+    assert "By aspect ratio: skipped; method 'aspect-ratio' is for triangles" in out
+    assert "--split-quads shorter cuts the quads in two" in out
+    assert re.search(r"Size ratio of neighbours +\d", out)
     assert "* best of the row" in out
     assert mesh_file.read_bytes() == before
 
@@ -514,10 +710,50 @@ def test_compare_takes_names_and_options(call, mesh_file, tmp_path):
         assert found["after"] == expected.after.to_dict()
 
 
+def test_compare_on_triangles_has_the_extremes_of_each_method(call, tmp_path):
+    path = tmp_path / "triangles.off"
+    write_mesh(path, random_triangles(200))
+    code, out, _ = call("compare", path)
+    assert code == 0
+    assert "skipped" not in out
+    head = next(line for line in out.splitlines() if "Original" in line)
+    assert "By aspect ratio" in head
+    for label in ("Smallest angle", "Largest angle", "Largest aspect ratio"):
+        (row,) = re.findall(rf"^{label}  .*$", out, re.MULTILINE)
+        assert len(re.findall(r"[\d.]+", row)) == 8  # the original and seven methods
+    assert out.count("no placement of this connectivity") == 2  # of the optimiser's result
+
+
+def test_compare_hands_options_to_those_that_have_them(call, mesh_file, tmp_path):
+    report = tmp_path / "report.json"
+    code, _, _ = call(
+        "compare", mesh_file, "--methods", "optimize,angle,aspect-ratio,star", "--sweeps", 20,
+        "--no-worst", "--guard", "none", "--split-quads", "second", "--json", report,
+    )  # fmt: skip
+    assert code == 0
+    facts = json.loads(report.read_text())
+    assert facts["skipped"] == {}
+    mesh = read_mesh(mesh_file)
+    split = {"split_quads": "second"}
+    own = [{"worst": False}, {"guard": "none", **split}, split, split]
+    for found, options in zip(facts["methods"], own, strict=True):
+        expected = smooth(mesh, found["method"], max_sweeps=20, **options)
+        assert found["after"] == expected.after.to_dict()
+        assert found["limits"] == limits(expected.mesh).to_dict()
+
+
+def test_compare_says_in_json_what_was_skipped(call, mesh_file):
+    facts = json.loads(call("compare", mesh_file, "--sweeps", 1, "--json", "-")[1])
+    assert list(facts["skipped"]) == ["aspect-ratio"]
+    assert len(facts["methods"]) == 6
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--methods", "magic"], "--methods takes names out of star, quad"),
+        (["--methods", "star,quad", "--guard", "none"], "method star, quad knows no guard none"),
+        (["--methods", "star", "--no-worst"], "method star has no option --worst"),
+        (["--methods", "magic"], "--methods takes names out of optimize, star, quad"),
         (["--methods", ","], "got none"),
         (["--methods", "laplacian", "--step", 0.5], "method laplacian has no option --step"),
         (["--sweeps", -1], "--sweeps must be"),
@@ -581,7 +817,7 @@ def test_demo_needs_no_file(call, tmp_path, monkeypatch):
     assert "Spiral: 1899 quads" in out
     assert "Smart Laplacian" in out
     assert "Wrote 16 figures, as PNG and SVG, into qsmooth-demo" in out
-    assert quality(read_mesh(folder / "spiral-star.off")).n_invalid == 0
+    assert quality(read_mesh(folder / "spiral-optimize.off")).n_invalid == 0
     assert read_mesh(folder / "spiral.off").n_cells == 1899
     assert (folder / "comparison-whole.png").exists()
 
@@ -594,7 +830,20 @@ def test_demo_without_matplotlib(call, tmp_path, monkeypatch):
     assert code == 0
     assert "Smart Laplacian" in out
     assert err.startswith("qsmooth: warning: no figures: ")
-    assert sorted(path.name for path in folder.iterdir()) == ["spiral-star.off", "spiral.off"]
+    assert sorted(path.name for path in folder.iterdir()) == ["spiral-optimize.off", "spiral.off"]
+
+
+def test_demo_of_the_lake(call, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    from qsmooth.examples import lake
+
+    monkeypatch.setattr("qsmooth.examples.lake", lambda: lake(1000))
+    code, out, _ = call("demo", "--mesh", "lake", "--sweeps", 1, "-o", tmp_path)
+    assert code == 0
+    assert re.search(r"^Lake: \d+ quads", out)
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert names == ["lake-optimize.off", "lake.off"]
 
 
 def test_demo_refuses_a_file_for_a_folder(fails, mesh_file):
@@ -630,5 +879,7 @@ def test_terminals_get_colour_and_progress(mesh_file, tmp_path, monkeypatch, arg
     bare = re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", out.getvalue())
     assert max(map(len, bare.splitlines())) <= 90
     assert "…" not in bare
-    if command in ("smooth", "compare"):
+    if command == "compare":
         assert "3 of 3 sweeps" in err.getvalue()
+    if command == "smooth":  # the optimiser's rounds, whose count nobody knows
+        assert "about 10 sweeps" in err.getvalue()

@@ -142,7 +142,7 @@ def test_coordinates_whose_products_overflow():
 
 @pytest.mark.parametrize("bad", [-1, 4, 2**40])
 def test_ids_out_of_range(bad):
-    with refused(f"1 vertex ids are outside 0 .. 3, the first is {bad} in cell 1"):
+    with refused(f"1 vertex id is outside 0 .. 3, the first is {bad} in cell 1"):
         Mesh(SQUARE, [(0, 1, 2), (0, 2, bad)])
 
 
@@ -161,11 +161,11 @@ def test_a_vertex_twice_in_a_cell():
 @pytest.mark.parametrize(
     ("cells", "message"),
     [
-        ([(0, 1, 2, 3), (0, 1, 2, 3)], "1 cells have the same vertices as another, the first is "
+        ([(0, 1, 2, 3), (0, 1, 2, 3)], "1 cell has the same vertices as another, the first is "
          "cell 1 (as cell 0)"),
-        ([(0, 1, 2, 3), (2, 1, 0, 3)], "1 cells have the same vertices as another, the first is "
+        ([(0, 1, 2, 3), (2, 1, 0, 3)], "1 cell has the same vertices as another, the first is "
          "cell 1 (as cell 0)"),
-        ([(0, 1, 2, 3), (0, 2, 1, 3)], "1 cells have the same vertices as another, the first is "
+        ([(0, 1, 2, 3), (0, 2, 1, 3)], "1 cell has the same vertices as another, the first is "
          "cell 1 (as cell 0)"),
         ([(0, 1, 2), (0, 2, 3), (1, 2, 0), (3, 0, 2)], "2 cells have the same vertices as another, "
          "the first is cell 2 (as cell 0)"),
@@ -235,7 +235,7 @@ def test_cells_of_wrong_shape(cells, message):
 
 def test_an_edge_with_three_cells():
     points = [(0, 0), (1, 0), (0.5, 1), (0.5, -1), (0.5, 2)]
-    with refused("1 cell sides are the third or later on one edge (not a 2D mesh), the first is "
+    with refused("1 cell side is the third or later on one edge (not a 2D mesh), the first is "
                  "edge 0-1 of cell 2"):  # fmt: skip
         Mesh(points, [(0, 1, 2), (1, 0, 3), (0, 1, 4)])
 

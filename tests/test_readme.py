@@ -32,7 +32,7 @@ def test_shell_examples_use_options_that_exist(capsys):
 
     lines = [line.partition("#")[0] for block in blocks("sh") for line in block.splitlines()]
     calls = [line.split() for line in lines if line.startswith("qsmooth ")]
-    assert {words[1] for words in calls} == {"info", "quality", "smooth", "compare"}
+    assert {words[1] for words in calls} == {"info", "quality", "smooth", "untangle", "compare"}
     for words in calls:
         assert run(words[1:]) == 2  # as the file is missing, and not for an unknown option
         assert "No such file" in capsys.readouterr().err
@@ -47,7 +47,7 @@ def test_formats_are_those_there_are():
 
 
 @pytest.mark.parametrize(
-    "name", ["star", "quad", "aspect-ratio", "angle", "smart-laplacian", "laplacian"]
+    "name", ["optimize", "star", "quad", "aspect-ratio", "angle", "smart-laplacian", "laplacian"]
 )
 def test_methods_are_described(name):
     from qsmooth.smoothing import METHODS

@@ -12,6 +12,7 @@ from qsmooth.report import (
     change_table,
     comparison_tables,
     finite,
+    method_title,
     metric_text,
     percent_text,
     plain,
@@ -42,6 +43,7 @@ def test_summary_in_full_words():
     assert re.search(r"Largest angle +90\.00°", text)
     assert re.search(r"Largest aspect ratio +1\.12", text)
     assert re.search(r"Mean of largest angles +76\.72°", text)
+    assert re.search(r"Size ratio of neighbours +1\.73", text)
     assert re.search(r"Cells not valid +0", text)
     assert re.search(r"90 to 100 degrees +1 cells +50\.0 % +█+", text)
     assert "60 to 70 degrees" in text  # from 60 where there are triangles
@@ -69,6 +71,20 @@ def test_change_says_better_and_worse(results):
     back = {line[:26].strip(): line for line in str(change_table(after, before)).splitlines()}
     assert "worse by" in back["Largest angle"]
     assert str(change_table(before, after)).split()[:3] == ["Before", "After", "Change"]
+
+
+def test_a_single_cell_has_no_neighbours():
+    good = quality(([(0, 0), (1, 0), (1, 1), (0, 1)], [[0, 1, 2, 3]])).summary()
+    assert re.search(r"Size ratio of neighbours +none", summary_text(good))
+    line = next(
+        x for x in str(change_table(good, quality(MIXED).summary())).splitlines() if "Size" in x
+    )
+    assert line.split()[4:] == ["none", "1.73"]
+
+
+def test_methods_have_titles():
+    assert method_title("aspect-ratio") == "By aspect ratio"
+    assert method_title("untangle") == "Untangle"
 
 
 def test_change_from_infinite():

@@ -1,4 +1,4 @@
-"""The command line: smooth, quality, compare, info, demo.
+"""The command line: smooth, untangle, quality, compare, info, demo.
 
 Tables go to standard output, in colour on a terminal and as plain text elsewhere; progress,
 warnings and errors go to standard error. Numba, meshio and matplotlib are loaded inside the
@@ -28,7 +28,7 @@ from qsmooth.errors import MeshWarning
 
 if TYPE_CHECKING:
     from qsmooth.mesh import Mesh
-    from qsmooth.metrics import Quality
+    from qsmooth.metrics import Limits, Quality
     from qsmooth.report import Table
     from qsmooth.smoothing import SmoothResult, SweepRecord
 
@@ -61,6 +61,35 @@ class Guard(StrEnum):
 
     quality = "quality"
     clearance = "clearance"
+    none = "none"
+
+
+class Weights(StrEnum):
+    """Where the Laplacian methods move a vertex."""
+
+    uniform = "uniform"
+    area = "area"
+
+
+class Diagonal(StrEnum):
+    """Along which quads are cut."""
+
+    shorter = "shorter"
+    first = "first"
+    second = "second"
+
+
+class Objective(StrEnum):
+    """What the mean stage of the optimiser improves."""
+
+    shape = "shape"
+
+
+class DemoMesh(StrEnum):
+    """Meshes of the demo."""
+
+    spiral = "spiral"
+    lake = "lake"
 
 
 class Metric(StrEnum):
@@ -74,8 +103,26 @@ class Metric(StrEnum):
 
 
 FILES, METHOD, REPORT = "Files", "Smoothing", "Report"
+OPTIMISER, ANGLES, OTHERS = "Optimiser", "Star and quad", "Other methods"
 
 In = Annotated[Path, typer.Argument(metavar="IN", help="Mesh file to read.", show_default=False)]
+OutOption = Annotated[
+    Path,
+    typer.Option(
+        "--output",
+        "-o",
+        metavar="OUT",
+        help="Mesh file to write; its ending tells the format.",
+        show_default=False,
+        rich_help_panel=FILES,
+    ),
+]
+OverwriteOption = Annotated[
+    bool,
+    typer.Option(
+        "--overwrite", help="Allow OUT to replace a file, IN itself too.", rich_help_panel=FILES
+    ),
+]
 SurfaceOption = Annotated[
     Surface,
     typer.Option(
@@ -94,6 +141,15 @@ FormatOption = Annotated[
         rich_help_panel=FILES,
     ),
 ]
+OutputFormatOption = Annotated[
+    str | None,
+    typer.Option(
+        "--output-format",
+        metavar="NAME",
+        help="Format of OUT, if its ending does not say.",
+        rich_help_panel=FILES,
+    ),
+]
 JsonOption = Annotated[
     Path | None,
     typer.Option(
@@ -103,81 +159,232 @@ JsonOption = Annotated[
         rich_help_panel=REPORT,
     ),
 ]
+
+
+def _option(name: str, help: str, panel: str, **more: Any) -> Any:
+    """Describe an option whose default the method has: not given, it is None."""
+    return typer.Option(name, help=help, rich_help_panel=panel, show_default=False, **more)
+
+
+def _with_default(help: str, default: str) -> str:
+    return f"{help}  [dim]\\[default: {default}][/dim]"
+
+
+# Smoothing
 SweepsOption = Annotated[
-    int, typer.Option("--sweeps", help="Sweeps at most, 0 or more.", rich_help_panel=METHOD)
-]
-RtolOption = Annotated[
-    float | None,
-    typer.Option(
-        help="A vertex rests when it moves less than this share of its shortest edge; stop when "
-        "all rest or quality no longer improves. 0 makes all sweeps.  "
-        "[dim]\\[default: 0.001][/dim]",
-        rich_help_panel=METHOD,
+    int | None,
+    _option(
+        "--sweeps",
+        _with_default("Sweeps at most, 0 or more.", "5000 for optimize, 50 for others"),
+        METHOD,
     ),
 ]
-GuardOption = Annotated[
-    Guard | None,
-    typer.Option(
-        help="What every move keeps: [b]clearance[/b], that valid cells stay valid; "
-        "[b]quality[/b], also that the worst cell does not get worse.  "
-        "[dim]\\[default: quality][/dim]",
-        rich_help_panel=METHOD,
+SelectionOption = Annotated[
+    str | None,
+    _option(
+        "--selection",
+        "Cells whose vertices may move, by ids, as in [b]3,7,12[/b], or by a threshold on a "
+        "metric, as in [b]'max_angle > 150'[/b].",
+        METHOD,
+        metavar="CELLS",
     ),
 ]
-MaxAngleOption = Annotated[
-    float | None,
-    typer.Option(
-        help="Corners of quads with a larger angle are mended, degrees.  "
-        "[dim]\\[default: 120][/dim]",
-        rich_help_panel=METHOD,
-    ),
-]
-MinAngleOption = Annotated[
-    float | None,
-    typer.Option(
-        help="Corners of quads with a smaller angle are mended, degrees.  "
-        "[dim]\\[default: 60][/dim]",
-        rich_help_panel=METHOD,
-    ),
-]
-TriangleMaxAngleOption = Annotated[
-    float | None,
-    typer.Option(help="The same in triangles.  [dim]\\[default: 90][/dim]", rich_help_panel=METHOD),
-]
-TriangleMinAngleOption = Annotated[
-    float | None,
-    typer.Option(help="The same in triangles.  [dim]\\[default: 45][/dim]", rich_help_panel=METHOD),
-]
-StepOption = Annotated[
-    float | None,
-    typer.Option(
-        help="Share of each proposed move that is made, up to 1.  "
-        "[dim]\\[default: 0.25; aspect-ratio 0.2, angle 1][/dim]",
-        rich_help_panel=METHOD,
-    ),
-]
-WorstFractionOption = Annotated[
-    float | None,
-    typer.Option(
-        help="Share of the cells that make proposals in a sweep, those with the largest angles.  "
-        "[dim]\\[default: 1][/dim]",
-        rich_help_panel=METHOD,
+SelectionRingsOption = Annotated[
+    int | None,
+    _option(
+        "--selection-rings",
+        _with_default("How often the selection grows by the cells that touch it.", "0"),
+        METHOD,
     ),
 ]
 KeepInterfacesOption = Annotated[
     bool | None,
-    typer.Option(
+    _option(
         "--keep-interfaces/--no-keep-interfaces",
-        help="Whether vertices on lines between regions, and on line cells, stay.  "
-        "[dim]\\[default: keep-interfaces][/dim]",
-        rich_help_panel=METHOD,
+        _with_default(
+            "Whether vertices on lines between regions, and on line cells, stay.",
+            "keep-interfaces",
+        ),
+        METHOD,
     ),
 ]
 ThreadsOption = Annotated[
     int | None,
-    typer.Option(
-        help="Threads; the result does not depend on it.  [dim]\\[default: by size][/dim]",
-        rich_help_panel=METHOD,
+    _option(
+        "--threads",
+        _with_default("Threads; the result does not depend on it.", "by size"),
+        METHOD,
+    ),
+]
+# Optimiser
+TimeLimitOption = Annotated[
+    float | None,
+    _option(
+        "--time-limit",
+        "Seconds after which it stops with the best so far.",
+        OPTIMISER,
+        metavar="SECONDS",
+    ),
+]
+TargetQualityOption = Annotated[
+    float | None,
+    _option(
+        "--target-quality",
+        "Smallest scaled Jacobian, up to 1, at which it may stop.",
+        OPTIMISER,
+    ),
+]
+WorstOption = Annotated[
+    bool | None,
+    _option(
+        "--worst/--no-worst",
+        _with_default("Whether to see to the worst cells too, or only to the mean.", "worst"),
+        OPTIMISER,
+    ),
+]
+MeanLossOption = Annotated[
+    float | None,
+    _option(
+        "--mean-loss",
+        _with_default(
+            "Share of the best mean shape that the worst cells may cost, below 1.", "0.1"
+        ),
+        OPTIMISER,
+    ),
+]
+ObjectiveOption = Annotated[
+    Objective | None,
+    _option(
+        "--objective",
+        _with_default("What the mean is of: shape is the mean ratio to the ideal cell.", "shape"),
+        OPTIMISER,
+    ),
+]
+# Star and quad
+MaxAngleOption = Annotated[
+    float | None,
+    _option(
+        "--max-angle",
+        _with_default("Corners of quads with a larger angle are mended, degrees.", "120"),
+        ANGLES,
+    ),
+]
+MinAngleOption = Annotated[
+    float | None,
+    _option(
+        "--min-angle",
+        _with_default("Corners of quads with a smaller angle are mended, degrees.", "60"),
+        ANGLES,
+    ),
+]
+TriangleMaxAngleOption = Annotated[
+    float | None,
+    _option("--triangle-max-angle", _with_default("The same in triangles.", "90"), ANGLES),
+]
+TriangleMinAngleOption = Annotated[
+    float | None,
+    _option("--triangle-min-angle", _with_default("The same in triangles.", "45"), ANGLES),
+]
+WorstFractionOption = Annotated[
+    float | None,
+    _option(
+        "--worst-fraction",
+        _with_default(
+            "Share of the cells that make proposals in a sweep, those with the largest angles.",
+            "1",
+        ),
+        ANGLES,
+    ),
+]
+WorstFirstOption = Annotated[
+    bool | None,
+    _option(
+        "--worst-first",
+        "Smooth that share first, then the rest, then all.",
+        ANGLES,
+    ),
+]
+BadAngleOption = Annotated[
+    float | None,
+    _option(
+        "--bad-angle",
+        _with_default("Cells with a larger angle move by --bad-step, degrees.", "180"),
+        ANGLES,
+    ),
+]
+BadStepOption = Annotated[
+    float | None,
+    _option(
+        "--bad-step",
+        _with_default("Their share of each proposed move, up to 2.", "as --step"),
+        ANGLES,
+    ),
+]
+# Other methods, and options of several
+StepOption = Annotated[
+    float | None,
+    _option(
+        "--step",
+        _with_default(
+            "Share of each proposed move that is made, up to 1. Of star, quad, aspect-ratio and "
+            "angle.",
+            "0.25; aspect-ratio 0.2, angle 1",
+        ),
+        OTHERS,
+    ),
+]
+RtolOption = Annotated[
+    float | None,
+    _option(
+        "--rtol",
+        _with_default(
+            "A vertex rests when it moves less than this share of its shortest edge; stop when all "
+            "rest or quality no longer improves. 0 makes all sweeps. Not of optimize.",
+            "0.001",
+        ),
+        OTHERS,
+    ),
+]
+GuardOption = Annotated[
+    Guard | None,
+    _option(
+        "--guard",
+        _with_default(
+            "What every move keeps: [b]clearance[/b], that valid cells stay valid; [b]quality[/b], "
+            "also that the worst cell does not get worse; [b]none[/b], of angle only, nothing.",
+            "quality",
+        ),
+        OTHERS,
+    ),
+]
+SplitQuadsOption = Annotated[
+    Diagonal | None,
+    _option(
+        "--split-quads",
+        "Cut each quad in two triangles along this diagonal and smooth these. Not of optimize.",
+        OTHERS,
+    ),
+]
+MaxEdgeRatioOption = Annotated[
+    float | None,
+    _option(
+        "--max-edge-ratio",
+        _with_default(
+            "Of aspect-ratio: two edges are left alone whose ratio is no larger, 1 or more.", "1.2"
+        ),
+        OTHERS,
+    ),
+]
+WeightsOption = Annotated[
+    Weights | None,
+    _option(
+        "--weights",
+        _with_default(
+            "Of the Laplacian methods: [b]uniform[/b], to the mean of the neighbours; [b]area[/b], "
+            "to the centroid of the cells around.",
+            "uniform",
+        ),
+        OTHERS,
     ),
 ]
 DebugOption = Annotated[
@@ -197,7 +404,7 @@ def run(arguments: Sequence[str]) -> int:
     Returns
     -------
     int
-        0 success, 1 a quality gate failed, 2 an error, 130 interrupted.
+        0 success, 1 a quality gate failed or cells stay invalid, 2 an error, 130 interrupted.
     """
     debug = "--debug" in arguments or os.environ.get("QSMOOTH_DEBUG", "0") not in ("", "0")
     with warnings.catch_warnings():
@@ -263,51 +470,45 @@ def _root(
 @app.command()
 def smooth(
     mesh_file: In,
-    output: Annotated[
-        Path,
-        typer.Option(
-            "--output",
-            "-o",
-            metavar="OUT",
-            help="Mesh file to write; its ending tells the format.",
-            show_default=False,
-            rich_help_panel=FILES,
-        ),
-    ],
+    output: OutOption,
     method: Annotated[
         str,
         typer.Option(
             "--method",
             "-m",
-            help="star, quad, smart-laplacian or laplacian (unguarded: may break cells).",
+            help="optimize, star, quad, aspect-ratio (of triangles), angle, smart-laplacian, "
+            "laplacian (unguarded: may break cells), or auto, which means optimize.",
             rich_help_panel=METHOD,
         ),
     ] = "auto",
-    sweeps: SweepsOption = 50,
-    rtol: RtolOption = None,
-    guard: GuardOption = None,
+    sweeps: SweepsOption = None,
+    selection: SelectionOption = None,
+    selection_rings: SelectionRingsOption = None,
+    keep_interfaces: KeepInterfacesOption = None,
+    threads: ThreadsOption = None,
+    time_limit: TimeLimitOption = None,
+    target_quality: TargetQualityOption = None,
+    worst: WorstOption = None,
+    mean_loss: MeanLossOption = None,
+    objective: ObjectiveOption = None,
     max_angle: MaxAngleOption = None,
     min_angle: MinAngleOption = None,
     triangle_max_angle: TriangleMaxAngleOption = None,
     triangle_min_angle: TriangleMinAngleOption = None,
-    step: StepOption = None,
     worst_fraction: WorstFractionOption = None,
-    keep_interfaces: KeepInterfacesOption = None,
-    threads: ThreadsOption = None,
-    overwrite: Annotated[
-        bool,
-        typer.Option(
-            "--overwrite", help="Allow OUT to replace a file, IN itself too.", rich_help_panel=FILES
-        ),
-    ] = False,
+    worst_first: WorstFirstOption = None,
+    bad_angle: BadAngleOption = None,
+    bad_step: BadStepOption = None,
+    step: StepOption = None,
+    rtol: RtolOption = None,
+    guard: GuardOption = None,
+    split_quads: SplitQuadsOption = None,
+    max_edge_ratio: MaxEdgeRatioOption = None,
+    weights: WeightsOption = None,
+    overwrite: OverwriteOption = False,
     surface: SurfaceOption = Surface.auto,
     format: FormatOption = None,
-    output_format: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME", help="Format of OUT, if its ending does not say.", rich_help_panel=FILES
-        ),
-    ] = None,
+    output_format: OutputFormatOption = None,
     plot: Annotated[
         Path | None,
         typer.Option(
@@ -336,12 +537,18 @@ def smooth(
             raise ValueError(f"'{plot}' is a file; --plot takes a folder")
         require_matplotlib()
     options = _given(
-        rtol=rtol, guard=guard, max_angle=max_angle, min_angle=min_angle,
-        triangle_max_angle=triangle_max_angle, triangle_min_angle=triangle_min_angle, step=step,
-        worst_fraction=worst_fraction, keep_interfaces=keep_interfaces, threads=threads,
+        max_sweeps=sweeps, selection=_cells(selection), selection_rings=selection_rings,
+        keep_interfaces=keep_interfaces, threads=threads, time_limit=time_limit,
+        target_quality=target_quality, worst=worst, mean_loss=mean_loss, objective=objective,
+        max_angle=max_angle, min_angle=min_angle, triangle_max_angle=triangle_max_angle,
+        triangle_min_angle=triangle_min_angle, worst_fraction=worst_fraction,
+        worst_first=worst_first, bad_angle=bad_angle, bad_step=bad_step, step=step, rtol=rtol,
+        guard=guard, split_quads=split_quads, max_edge_ratio=max_edge_ratio, weights=weights,
     )  # fmt: skip
     mesh = _read(mesh_file, surface, format)
-    result = _smooth(mesh, method, sweeps, options)
+    _require_format(output, mesh, output_format)
+    result = _smooth(mesh, method, options)
+    bounds = _bounds(result, options)
     from qsmooth.io import write_mesh
 
     write_mesh(output, result.mesh, format=output_format)
@@ -354,16 +561,84 @@ def smooth(
     facts = {
         "input": str(mesh_file),
         "output": str(output),
-        "options": {"sweeps": sweeps, **options},
-        **_result_facts(result),
+        "options": _named(options),
+        **_result_facts(result, bounds),
         "before": result.before.to_dict(),
     }
     if _write_json(json_file, facts):
         return
     _heading(f"{mesh_file}: {report.size_text(result.before)}")
     _table(report.change_table(result.before, result.after))
-    _text(f"{_outcome(result)}")
+    _show_outcome(result, bounds)
     _text(f"Wrote {' and '.join(map(str, written))}")
+
+
+@app.command()
+def untangle(
+    mesh_file: In,
+    output: OutOption,
+    sweeps: Annotated[
+        int | None,
+        _option("--sweeps", _with_default("Sweeps at most, 0 or more.", "20000"), METHOD),
+    ] = None,
+    time_limit: Annotated[
+        float | None,
+        _option(
+            "--time-limit",
+            "Seconds after which it stops with the best so far.",
+            METHOD,
+            metavar="SECONDS",
+        ),
+    ] = None,
+    keep_interfaces: KeepInterfacesOption = None,
+    threads: ThreadsOption = None,
+    overwrite: OverwriteOption = False,
+    surface: SurfaceOption = Surface.auto,
+    format: FormatOption = None,
+    output_format: OutputFormatOption = None,
+    json_file: JsonOption = None,
+    debug: DebugOption = False,
+) -> None:
+    """Make a mesh valid by moving its vertices, and stop there.
+
+    Exit code 0 where every cell is valid, 1 where some stay invalid; OUT then has the best that was
+    found. Smoothing with method optimize does this first, by itself.
+    """
+    from qsmooth import report
+
+    _refuse_unsafe(mesh_file, output, overwrite, json_file)
+    options = _given(
+        max_sweeps=sweeps, time_limit=time_limit, keep_interfaces=keep_interfaces, threads=threads
+    )
+    mesh = _read(mesh_file, surface, format)
+    _require_format(output, mesh, output_format)
+    result = _untangle(mesh, options)
+    from qsmooth.io import write_mesh
+
+    write_mesh(output, result.mesh, format=output_format)
+    n_invalid = result.after.n_invalid
+    facts = {
+        "input": str(mesh_file),
+        "output": str(output),
+        "options": _named(options),
+        **_result_facts(result),
+        "valid": n_invalid == 0,
+        "before": result.before.to_dict(),
+    }
+    failed = f"FAILED: {report.plural(n_invalid, 'cell')} of {result.after.n_cells} not valid"
+    if not _write_json(json_file, facts):
+        _heading(f"{mesh_file}: {report.size_text(result.before)}")
+        _table(report.change_table(result.before, result.after))
+        _show_outcome(result)
+        if n_invalid:
+            _text(failed)
+            _text(f"Wrote the best that was found, {output}")
+        else:
+            _text(f"Wrote {output}")
+    elif n_invalid:
+        _say(failed.replace("FAILED", "failed"))
+    if n_invalid:
+        raise typer.Exit(FAILED)
 
 
 @app.command()
@@ -417,7 +692,7 @@ def quality(
     _refuse_clash(json_file, mesh_file)
     mesh = _read(mesh_file, surface, format)
     measured = metrics.quality(mesh)
-    summary = measured.summary()
+    summary, bounds = measured.summary(), metrics.limits(mesh)
     checks = [_check(measured, *limit) for limit in limits]
     if fail_invalid:
         checks.append(_check_validity(measured))
@@ -425,6 +700,7 @@ def quality(
     facts = {
         "input": str(mesh_file),
         **summary.to_dict(),
+        "limits": bounds.to_dict(),
         "worst_cells": [
             {**cell, "state": metrics.Validity(int(measured.validity[cell["cell"]])).name.lower()}
             for cell in measured.worst(worst, worst_by.value).to_dict()
@@ -435,6 +711,7 @@ def quality(
     if not _write_json(json_file, facts):
         _heading(f"{mesh_file}: {report.size_text(summary)}")
         _table(report.summary_table(summary))
+        _show_limits(bounds)
         if worst:
             _table(report.worst_table(measured, worst, worst_by.value))
         for check in checks:
@@ -459,17 +736,30 @@ def compare(
             show_default=False,
         ),
     ] = "all",
-    sweeps: SweepsOption = 50,
-    rtol: RtolOption = None,
-    guard: GuardOption = None,
+    sweeps: SweepsOption = None,
+    selection: SelectionOption = None,
+    selection_rings: SelectionRingsOption = None,
+    keep_interfaces: KeepInterfacesOption = None,
+    threads: ThreadsOption = None,
+    time_limit: TimeLimitOption = None,
+    target_quality: TargetQualityOption = None,
+    worst: WorstOption = None,
+    mean_loss: MeanLossOption = None,
+    objective: ObjectiveOption = None,
     max_angle: MaxAngleOption = None,
     min_angle: MinAngleOption = None,
     triangle_max_angle: TriangleMaxAngleOption = None,
     triangle_min_angle: TriangleMinAngleOption = None,
-    step: StepOption = None,
     worst_fraction: WorstFractionOption = None,
-    keep_interfaces: KeepInterfacesOption = None,
-    threads: ThreadsOption = None,
+    worst_first: WorstFirstOption = None,
+    bad_angle: BadAngleOption = None,
+    bad_step: BadStepOption = None,
+    step: StepOption = None,
+    rtol: RtolOption = None,
+    guard: GuardOption = None,
+    split_quads: SplitQuadsOption = None,
+    max_edge_ratio: MaxEdgeRatioOption = None,
+    weights: WeightsOption = None,
     surface: SurfaceOption = Surface.auto,
     format: FormatOption = None,
     json_file: JsonOption = None,
@@ -482,25 +772,29 @@ def compare(
     _refuse_clash(json_file, mesh_file)
     names = _method_names(methods)
     options = _given(
-        rtol=rtol, guard=guard, max_angle=max_angle, min_angle=min_angle,
-        triangle_max_angle=triangle_max_angle, triangle_min_angle=triangle_min_angle, step=step,
-        worst_fraction=worst_fraction, keep_interfaces=keep_interfaces, threads=threads,
+        max_sweeps=sweeps, selection=_cells(selection), selection_rings=selection_rings,
+        keep_interfaces=keep_interfaces, threads=threads, time_limit=time_limit,
+        target_quality=target_quality, worst=worst, mean_loss=mean_loss, objective=objective,
+        max_angle=max_angle, min_angle=min_angle, triangle_max_angle=triangle_max_angle,
+        triangle_min_angle=triangle_min_angle, worst_fraction=worst_fraction,
+        worst_first=worst_first, bad_angle=bad_angle, bad_step=bad_step, step=step, rtol=rtol,
+        guard=guard, split_quads=split_quads, max_edge_ratio=max_edge_ratio, weights=weights,
     )  # fmt: skip
-    from qsmooth.smoothing import METHODS
-
     for option in options:
-        if not any(option in METHODS[name].options for name in names):
-            raise ValueError(_in_options(f"method {', '.join(names)} has no option {option}"))
+        if not any(option in _own_options(name, options) for name in names):
+            has_no = "knows no guard none" if option == "guard" else f"has no option {option}"
+            raise ValueError(_in_options(f"method {', '.join(names)} {has_no}"))
     mesh = _read(mesh_file, surface, format)
-    results = _compare(mesh, names, sweeps, options)
+    results, skipped = _compare(mesh, names, options)
     facts = {
         "input": str(mesh_file),
-        "options": {"sweeps": sweeps, **options},
+        "options": _named(options),
         "original": results[0].before.to_dict(),
-        "methods": [_result_facts(result) for result in results],
+        "methods": [_result_facts(result, _bounds(result, options)) for result in results],
+        "skipped": skipped,
     }
     if not _write_json(json_file, facts):
-        _show_comparison(str(mesh_file), results)
+        _show_comparison(str(mesh_file), results, skipped, options)
 
 
 @app.command()
@@ -537,29 +831,37 @@ def demo(
         Path,
         typer.Option("--output", "-o", metavar="FOLDER", help="Where to put meshes and figures."),
     ] = Path("qsmooth-demo"),
-    sweeps: SweepsOption = 50,
+    mesh_name: Annotated[
+        DemoMesh,
+        typer.Option(
+            "--mesh",
+            help="[b]spiral[/b], 1.9K quads; [b]lake[/b], 24K quads with islands, takes longer.",
+        ),
+    ] = DemoMesh.spiral,
+    sweeps: SweepsOption = None,
     debug: DebugOption = False,
 ) -> None:
-    """Smooth a packaged spiral of 1.9K bad quads with each method; needs no file.
+    """Smooth a mesh of bad quads with each method; needs no file.
 
-    Prints the comparison; writes the mesh, what the first method made of it, and figures.
+    Prints the comparison; writes the mesh, the optimised mesh, and figures.
     """
-    from qsmooth.examples import demo_mesh
+    from qsmooth.examples import demo_mesh, lake
     from qsmooth.io import write_mesh
 
     if output.exists() and not output.is_dir():
         raise ValueError(f"'{output}' is a file; --output takes a folder")
-    mesh = demo_mesh()
-    results = _compare(mesh, _method_names("all"), sweeps, {})
-    _show_comparison("Spiral", results)
+    name = mesh_name.value
+    with _status(f"making the {name}"):
+        mesh = demo_mesh() if mesh_name is DemoMesh.spiral else lake()
+    options = _given(max_sweeps=sweeps)
+    results, skipped = _compare(mesh, _method_names("all"), options)
+    _show_comparison(name.capitalize(), results, skipped, options)
     output.mkdir(parents=True, exist_ok=True)
-    chosen = results[0]
-    write_mesh(output / "spiral.off", mesh)
-    write_mesh(output / f"spiral-{chosen.method}.off", chosen.mesh)
-    _text(
-        f"Wrote the mesh, {output / 'spiral.off'}, and what method {chosen.method} made of it, "
-        f"{output / f'spiral-{chosen.method}.off'}"
-    )
+    chosen = next(result for result in results if result.method == "optimize")
+    given, smoothed = output / f"{name}.off", output / f"{name}-{chosen.method}.off"
+    write_mesh(given, mesh)
+    write_mesh(smoothed, chosen.mesh)
+    _text(f"Wrote the mesh, {given}, and what method {chosen.method} made of it, {smoothed}")
     try:
         from qsmooth.plot import save_figures
 
@@ -610,6 +912,37 @@ def _given(**options: Any) -> dict[str, Any]:
     }
 
 
+def _named(options: dict[str, Any]) -> dict[str, Any]:
+    """Name options as the command line does."""
+    return {"sweeps" if name == "max_sweeps" else name: v for name, v in options.items()}
+
+
+def _cells(text: str | None) -> list[int] | str | None:
+    """Take a selection apart: cell ids, or a threshold, which stays a text."""
+    if text is None:
+        return None
+    if re.fullmatch(r"[\d\s,]*\d[\d\s,]*", text):
+        return [int(number) for number in re.split(r"[\s,]+", text.strip(" ,"))]
+    from qsmooth.metrics import HIGHER_IS_BETTER
+    from qsmooth.selection import parse_threshold
+
+    try:
+        parse_threshold(text)
+    except ValueError:
+        raise ValueError(
+            "--selection takes cell ids such as 3,7,12 or a threshold such as 'max_angle > 150' "
+            f"on one of {', '.join(HIGHER_IS_BETTER)}; got '{text}'"
+        ) from None
+    return text
+
+
+def _require_format(path: Path, mesh: Mesh, name: str | None) -> None:
+    """Refuse a format that can't be written before the work, and not after it."""
+    from qsmooth.io import format_of
+
+    format_of(path, mesh, format=name)
+
+
 def _read(path: Path, surface: Surface, format: str | None) -> Mesh:
     from qsmooth.io import read_mesh
 
@@ -631,57 +964,109 @@ def _method_names(text: str) -> list[str]:
     return names
 
 
-def _smooth(mesh: Mesh, method: str, sweeps: int, options: dict[str, Any]) -> SmoothResult:
+def _smooth(mesh: Mesh, method: str, options: dict[str, Any]) -> SmoothResult:
     from qsmooth import smoothing
 
+    sweeping = method not in ("auto", "optimize") or "split_quads" in options
+    total = options.get("max_sweeps", smoothing.SWEEPS) if sweeping else None
     try:
-        with _progress(method, sweeps) as callback:
-            return smoothing.smooth(mesh, method, max_sweeps=sweeps, callback=callback, **options)
+        with _progress(method, total) as callback:
+            return smoothing.smooth(mesh, method, callback=callback, **options)
     except ValueError as error:
         raise ValueError(_in_options(str(error))) from error
 
 
+def _untangle(mesh: Mesh, options: dict[str, Any]) -> SmoothResult:
+    from qsmooth import smoothing
+
+    try:
+        with _progress("untangle", None) as callback:
+            return smoothing.untangle(mesh, callback=callback, **options)
+    except ValueError as error:
+        raise ValueError(_in_options(str(error))) from error
+
+
+def _own_options(method: str, options: dict[str, Any]) -> dict[str, Any]:
+    """Keep those options that a method has."""
+    from qsmooth.smoothing import METHODS
+
+    return {
+        name: value
+        for name, value in options.items()
+        if name in METHODS[method].options
+        and (name != "guard" or value != "none" or method == "angle")
+    }
+
+
 def _compare(
-    mesh: Mesh, names: Sequence[str], sweeps: int, options: dict[str, Any]
-) -> list[SmoothResult]:
-    from qsmooth.smoothing import METHODS, why_not
+    mesh: Mesh, names: Sequence[str], options: dict[str, Any]
+) -> tuple[list[SmoothResult], dict[str, str]]:
+    """Smooth with each method; also why methods were skipped, by name."""
+    from qsmooth.smoothing import why_not
 
-    results = []
+    results, skipped = [], {}
     for name in names:
-        if len(names) > 1 and why_not(mesh, name):
+        own = _own_options(name, options)
+        reason = "" if "split_quads" in own else why_not(mesh, name)
+        if reason and len(names) > 1:
+            skipped[name] = _in_options(reason)
             continue
-        own = {k: v for k, v in options.items() if k in METHODS[name].options}
-        if sweeps > 0:
-            # One sweep beforehand: the first call compiles, which is not the method's time.
-            _smooth(mesh, name, 1, own)
-        results.append(_smooth(mesh, name, sweeps, own))
-    return results
+        if options.get("max_sweeps") != 0:
+            # A sweep beforehand: the first call compiles, which is not the method's time.
+            _smooth(mesh, name, {**own, "max_sweeps": 1})
+        results.append(_smooth(mesh, name, own))
+    return results, skipped
 
 
-def _show_comparison(name: str, results: Sequence[SmoothResult]) -> None:
+def _show_comparison(
+    name: str,
+    results: Sequence[SmoothResult],
+    skipped: dict[str, str],
+    options: dict[str, Any],
+) -> None:
     from qsmooth import report
+    from qsmooth.smoothing import METHODS
 
     before = results[0].before
     _heading(f"{name}: {report.size_text(before)}")
     for table in report.comparison_tables(before, results, width=_width()):
         _table(table)
     for result in results:
-        _text(_outcome(result))
+        _show_outcome(result, _bounds(result, options) if result.method == "optimize" else None)
+    for method, reason in skipped.items():
+        _text(f"{METHODS[method].title}: skipped; {reason}.")
 
 
-def _outcome(result: SmoothResult) -> str:
+def _bounds(result: SmoothResult, options: dict[str, Any]) -> Limits:
+    """Limits of the result's angles, by the options that it was made with."""
+    from qsmooth.metrics import limits
+
+    return limits(result.mesh, keep_interfaces=options.get("keep_interfaces", True))
+
+
+def _show_outcome(result: SmoothResult, bounds: Limits | None = None) -> None:
+    """Say what was done and why it stopped; the limits have lines of their own."""
     from qsmooth import report
-    from qsmooth.smoothing import METHODS
 
+    reason = result.reason
+    if bounds is not None:
+        reason = reason.removesuffix("; " + "; ".join(str(bounds).splitlines()))
     sweeps = report.plural(result.sweeps, "sweep")
-    return (
-        f"{METHODS[result.method].title}: {sweeps} in {report.time_text(result.seconds)}; "
-        f"{_in_options(result.reason)}."
+    _text(
+        f"{report.method_title(result.method)}: {sweeps} in {report.time_text(result.seconds)}; "
+        f"{_in_options(reason)}."
     )
+    if bounds is not None:
+        _show_limits(bounds)
 
 
-def _result_facts(result: SmoothResult) -> dict[str, Any]:
-    return {
+def _show_limits(bounds: Limits) -> None:
+    for line in str(bounds).splitlines():
+        _text(f"  {line[0].upper()}{line[1:]}.")
+
+
+def _result_facts(result: SmoothResult, bounds: Limits | None = None) -> dict[str, Any]:
+    facts = {
         "method": result.method,
         "sweeps": result.sweeps,
         "converged": result.converged,
@@ -690,6 +1075,7 @@ def _result_facts(result: SmoothResult) -> dict[str, Any]:
         "after": result.after.to_dict(),
         "history": [asdict(record) for record in result.history],
     }
+    return facts if bounds is None else {**facts, "limits": bounds.to_dict()}
 
 
 def _limit(option: str, text: str) -> tuple[str, float]:
@@ -848,28 +1234,37 @@ def _status(text: str) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _progress(method: str, sweeps: int) -> Iterator[Callable[[SweepRecord], None] | None]:
-    """Show on a terminal a bar of the sweeps; gives what `smooth` calls after each."""
+def _progress(method: str, total: int | None) -> Iterator[Callable[[SweepRecord], None] | None]:
+    """Show on a terminal a bar of the sweeps; gives what `smooth` calls after each.
+
+    Without a total, as the optimiser has none, the bar pulses; its records are of rounds of sweeps.
+    """
     if not _is_terminal(sys.stderr):
         yield None
         return
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+    from qsmooth.optimization import ROUND
+
     columns = (
         TextColumn("{task.fields[method]}"),
         BarColumn(),
-        TextColumn("{task.completed} of {task.total} sweeps"),
+        TextColumn("{task.fields[done]}"),
         TimeElapsedColumn(),
         TextColumn("{task.fields[state]}"),
     )
     with Progress(*columns, console=_console(sys.stderr), transient=True) as progress:
-        task = progress.add_task("", total=sweeps, method=method, state="")
+        task = progress.add_task("", total=total, method=method, done="", state="")
+        done = 0
 
         def callback(record: SweepRecord) -> None:
+            nonlocal done
             state = f"angles {record.min_angle:.1f}° to {record.max_angle:.1f}°"
             if record.n_invalid:
                 state += f", {record.n_invalid} cells not valid"
-            progress.update(task, advance=1, state=state)
+            done += ROUND if total is None else 1
+            text = f"about {done} sweeps" if total is None else f"{done} of {total} sweeps"
+            progress.update(task, completed=done, done=text, state=state)
 
         yield callback
 
@@ -882,7 +1277,10 @@ def _in_options(message: str) -> str:
 
 
 # `step` and the like are words of other messages too: only the library's phrases are meant.
+_WORDS = "rtol", "guard", "step", "threads", "method", "weights", "objective", "selection", "worst"
 _OPTIONS = {
+    "split_quads=True": "--split-quads shorter",
+    "max_sweeps=": "--sweeps ",
     "max_sweeps": "--sweeps",
     **{
         name: "--" + name.replace("_", "-")
@@ -892,11 +1290,22 @@ _OPTIONS = {
             "max_angle",
             "min_angle",
             "worst_fraction",
+            "worst_first",
+            "bad_angle",
+            "bad_step",
+            "max_edge_ratio",
+            "split_quads",
+            "selection_rings",
+            "target_quality",
+            "time_limit",
+            "mean_loss",
             "keep_interfaces",
         )
     },
-    **{f"{name}(?= must)": f"--{name}" for name in ("rtol", "guard", "step", "threads", "method")},
-    **{f"option {name}": f"option --{name}" for name in ("rtol", "guard", "step", "threads")},
+    **{f"{name}(?= must)": f"--{name}" for name in _WORDS},
+    **{f"option {name}": f"option --{name}" for name in _WORDS},
+    "cell ids in selection": "cell ids in --selection",
+    "cell id in selection": "cell id in --selection",
 }
 
 

@@ -332,8 +332,8 @@ class _Topology:
         if bad >= 0:
             count = int(((vertices < 0) | (vertices >= n_vertices)).sum())
             raise MeshError(
-                f"{count} vertex ids are outside 0 .. {n_vertices - 1}, "
-                f"the first is {vertices[bad]} in cell {self._cell_of(bad)}"
+                f"{_counted(count, 'vertex id is', 'vertex ids are')} outside "
+                f"0 .. {n_vertices - 1}, the first is {vertices[bad]} in cell {self._cell_of(bad)}"
             )
         bad = kernels.find_repeated_vertex(self.cell_offsets, vertices)
         if bad >= 0:
@@ -349,7 +349,7 @@ class _Topology:
         )
         if count:
             raise MeshError(
-                f"{count} cells have the same vertices as another, "
+                f"{_counted(count, 'cell has', 'cells have')} the same vertices as another, "
                 f"the first is cell {cell} (as cell {earlier})"
             )
         self._star_corners: IndexArray | None = star_corners
@@ -359,8 +359,8 @@ class _Topology:
             first, last = self.cell_offsets[cell], self.cell_offsets[cell + 1]
             head = vertices[bad + 1 if bad + 1 < last else first]
             raise MeshError(
-                f"{count} cell sides are the third or later on one edge (not a 2D mesh), the first "
-                f"is edge {vertices[bad]}-{head} of cell {cell}"
+                f"{_counted(count, 'cell side is', 'cell sides are')} the third or later on "
+                f"one edge (not a 2D mesh), the first is edge {vertices[bad]}-{head} of cell {cell}"
             )
         self.used = np.diff(star_offsets) > 0
         self.is_boundary = _read_only(
@@ -505,7 +505,11 @@ def _checked_points(points: npt.ArrayLike) -> FloatArray:
 
 def _count(bad: Any, what: str) -> str:
     n, first = int(bad.sum()), int(np.argmax(bad))
-    return f"{n} {'vertex is' if n == 1 else 'vertices are'} {what}, the first is vertex {first}"
+    return f"{_counted(n, 'vertex is', 'vertices are')} {what}, the first is vertex {first}"
+
+
+def _counted(n: int, one: str, many: str) -> str:
+    return f"{n} {one if n == 1 else many}"
 
 
 def _checked_blocks(cells: npt.ArrayLike | Sequence[npt.ArrayLike]) -> list[IndexArray]:
@@ -566,9 +570,9 @@ def _checked_fixed(fixed: npt.ArrayLike | None, n_vertices: int) -> BoolArray | 
             raise MeshError("fixed must be a boolean mask or a list of vertex ids")
         bad = (array < 0) | (array >= n_vertices)
         if bad.any():
+            count = _counted(int(bad.sum()), "id in fixed is", "ids in fixed are")
             raise MeshError(
-                f"{int(bad.sum())} ids in fixed are outside 0 .. {n_vertices - 1}, "
-                f"the first is {array[np.argmax(bad)]}"
+                f"{count} outside 0 .. {n_vertices - 1}, the first is {array[np.argmax(bad)]}"
             )
         mask[array.astype(np.int64)] = True
     return mask

@@ -213,6 +213,21 @@ class Quality:
         return self._angles[1]
 
     @cached_property
+    def extreme_angles(self) -> tuple[float, float]:
+        """Smallest and largest angle of the mesh, degrees; quicker than by way of all cells'."""
+        from qsmooth.kernels.cell_metrics import angles, diamond_angles
+
+        smallest, largest = np.empty(self._mesh.n_cells), np.empty(self._mesh.n_cells)
+        diamond_angles(*self._arguments, smallest, largest)
+        xy, offsets, vertices = self._arguments
+        low, high = np.empty(2), np.empty(2)
+        two = [int(np.argmin(smallest)), int(np.argmax(largest))]
+        corners = [vertices[offsets[c] : offsets[c + 1]] for c in two]
+        sizes = np.cumsum([0, *map(len, corners)])
+        angles(xy, sizes, np.concatenate(corners), low, high)
+        return float(low[0]), float(high[1])
+
+    @cached_property
     def aspect_ratio(self) -> FloatArray:
         """Longest over shortest edge of each cell, infinite where an edge has no length."""
         return self._measure("aspect_ratio")

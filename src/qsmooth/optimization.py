@@ -89,8 +89,8 @@ class Figures:
         )
 
 
-# Called with the coordinates, and the length and share of each vertex's last move, every round.
-Note: TypeAlias = Callable[[FloatArray, FloatArray, FloatArray], None]
+# Called every round with the quality, and the length and share of each vertex's last move.
+Note: TypeAlias = Callable[[Quality, FloatArray, FloatArray], None]
 
 
 @dataclass
@@ -154,9 +154,8 @@ class Blocks:
                 xy, *self._arguments, RELAXATION, mean_weight, limit, squarings, self.moves
             )
             progress.sweeps += 1
-        self.report(xy, progress)
 
-    def report(self, xy: FloatArray, progress: Progress) -> None:
+    def report(self, xy: FloatArray, now: Quality, progress: Progress) -> None:
         """Tell the caller of the last sweep."""
         from qsmooth.kernels.untangle import shortest_edges
 
@@ -164,7 +163,7 @@ class Blocks:
         shares = np.divide(
             self.moves, self._shortest, out=np.zeros_like(self.moves), where=self.moves > 0.0
         )
-        progress.note(xy, self.moves, shares)
+        progress.note(now, self.moves, shares)
 
     def untangle(self, xy: FloatArray, sizes: FloatArray, epsilon: float) -> None:
         """Sweep once downhill on the regularised energy."""
@@ -228,7 +227,7 @@ class _Best:
         The mean shape of a mesh that has just been untangled is no one's: it does not count.
         """
         self._given_xy, self.xy = xy.copy(), xy.copy()
-        self.given = self.figures = self._measure(xy)
+        self.given = self.figures = self._measure(xy, Quality(self.blocks.mesh._at_xy(xy)))
         self.best_shape = self.given.shape if self.given.n_invalid == 0 else 0.0
         if not mean_counts:
             self.given = replace(self.given, shape=0.0)
@@ -237,7 +236,9 @@ class _Best:
 
     def offer(self, xy: FloatArray) -> Figures:
         """Measure coordinates, and keep them if they are the best."""
-        now = self._measure(xy)
+        quality = Quality(self.blocks.mesh._at_xy(xy))
+        now = self._measure(xy, quality)
+        self.blocks.report(xy, quality, self.progress)
         self.best_shape = max(self.best_shape, now.shape)
         affordable = now.shape >= self.floor()
         if now.n_invalid < self.figures.n_invalid or (
@@ -275,11 +276,11 @@ class _Best:
         self.xy, self.figures = self._given_xy, self.given
         return ["nothing more was to gain"]
 
-    def _measure(self, xy: FloatArray) -> Figures:
-        quality = Quality(self.blocks.mesh._at_xy(xy))
+    def _measure(self, xy: FloatArray, quality: Quality) -> Figures:
+        smallest, largest = quality.extreme_angles
         return Figures(
-            min_angle=float(quality.min_angle.min()),
-            max_angle=float(quality.max_angle.max()),
+            min_angle=smallest,
+            max_angle=largest,
             scaled_jacobian=float(quality.scaled_jacobian.min()),
             shape=float(quality.shape.mean()),
             free_jacobian=1.0 / float(self.blocks.energy(xy)[0].max()),
@@ -314,7 +315,7 @@ def _untangle(blocks: Blocks, xy: FloatArray, progress: Progress) -> None:
         blocks.untangle(xy, sizes, epsilon)
         progress.sweeps += 1
         if progress.sweeps % ROUND == 0:
-            blocks.report(xy, progress)
+            blocks.report(xy, Quality(mesh._at_xy(xy)), progress)
         if worst > 0.0 or progress.sweeps % ROUND == 0 or (smallest <= 0.0).sum() < best_count:
             count = _n_invalid(mesh, xy)
             if count < best_count:

@@ -13,7 +13,7 @@ import numpy as np
 from qsmooth._types import BoolArray, FloatArray, IndexArray
 from qsmooth.mesh import Mesh, as_mesh
 from qsmooth.metrics import HIGHER_IS_BETTER, Quality, Summary, quality
-from qsmooth.report import METRIC_WORDS, metric_text, plural
+from qsmooth.report import METRIC_WORDS, method_title, metric_text, plural
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -150,9 +150,7 @@ def plot_comparison(
     worst = _most_outlined(meshes[0], worst)
     method = getattr(after, "method", "")
     if method:
-        from qsmooth.smoothing import METHODS
-
-        method = f"{METHODS[method].title}, {plural(getattr(after, 'sweeps', 0), 'sweep')}"
+        method = f"{method_title(method)}, {plural(getattr(after, 'sweeps', 0), 'sweep')}"
     if view == "overlay":
         return _saved(_overlay(meshes, measured[0], method, title), path)
     worst_cell = int(measured[0].worst(1).cells[0])

@@ -40,6 +40,7 @@ MEAN_WORDS = {
     "scaled_jacobian": "Mean of scaled Jacobians",
     "shape": "Mean of shapes",
 }
+SIZE_WORDS = "Size ratio of neighbours"
 HISTOGRAM_WORDS = {
     "max_angle": "Cells by largest angle",
     "min_angle": "Cells by smallest angle",
@@ -47,7 +48,8 @@ HISTOGRAM_WORDS = {
 }
 DEFINITIONS = (
     "Aspect ratio: longest over shortest edge of a cell. Scaled Jacobian: sine of a cell's worst "
-    "corner (in triangles over that of 60°). Shape: mean ratio of its worst corner. Ideal: 1."
+    "corner (in triangles over that of 60°). Shape: mean ratio of its worst corner. Size ratio of "
+    "neighbours: largest ratio of a cell's area to that of a cell next to it. Ideal: 1."
 )
 BEST = "*"
 LONGEST_BAR = 12
@@ -214,6 +216,8 @@ def change_table(before: Summary, after: Summary, *, bar_length: int = LONGEST_B
         if row.text(old) == row.text(new):
             return "same"
         word = "better" if (new > old) == row.higher_is_better else "worse"
+        if math.isnan(new) or math.isnan(old):
+            return ""
         if not math.isfinite(new - old):
             return word
         return f"{word} by {row.text(abs(new - old))}"
@@ -253,10 +257,8 @@ def comparison_tables(
     list of Table
         The original is the first column of each. Marks compare all methods.
     """
-    from qsmooth.smoothing import METHODS
-
     summaries = [before, *(r.after for r in results)]
-    names = ["Original", *(METHODS[r.method].title for r in results)]
+    names = ["Original", *(method_title(r.method) for r in results)]
     seconds = [r.seconds for r in results]
     quickest = _best(seconds, [time_text(s) for s in seconds], False)
     effort = Section(
@@ -272,7 +274,7 @@ def comparison_tables(
         ),
         marked=True,
     )
-    label = 2 + max(map(len, [*WORST_WORDS.values(), *MEAN_WORDS.values()]))
+    label = 2 + max(map(len, [*WORST_WORDS.values(), *MEAN_WORDS.values(), SIZE_WORDS]))
     per_table, length = len(names), LONGEST_BAR
     if width is not None:
         # A column is a bar, a blank, seven characters of per cent, the mark, and rich's padding.
@@ -390,6 +392,13 @@ def _first_ids(finding: Finding, n_ids: int) -> str:
     return f": {what} {', '.join(items)}{more}"
 
 
+def method_title(name: str) -> str:
+    """Write a method's name as a title."""
+    from qsmooth.smoothing import METHODS
+
+    return METHODS[name].title if name in METHODS else name.capitalize()
+
+
 def metric_text(metric: str, value: float) -> str:
     """Write a value of a metric, with its unit."""
     if metric in ("min_angle", "max_angle"):
@@ -407,6 +416,8 @@ def place_text(value: float, extent: float) -> str:
 
 def number_text(value: float) -> str:
     """Write a ratio to two decimals, or a large one to four figures."""
+    if math.isnan(value):
+        return "none"
     if math.isinf(value):
         return "infinite"
     return f"{value:.2f}" if abs(value) < 1e5 else f"{value:.3e}"
@@ -461,6 +472,8 @@ def _figures(summaries: Sequence[Summary]) -> list[tuple[str, list[_Figure]]]:
     def of_class(name: str) -> Callable[[Summary], float]:
         return lambda summary: summary.validity[name]
 
+    means = [figure(MEAN_WORDS, "mean", name) for name in HIGHER_IS_BETTER]
+    means.append(_Figure(SIZE_WORDS, lambda summary: summary.size_jump, number_text, False))
     validity = [count("Cells not valid", lambda summary: summary.n_invalid)]
     validity += [
         count(f"  of these {kind}", of_class(kind))
@@ -469,7 +482,7 @@ def _figures(summaries: Sequence[Summary]) -> list[tuple[str, list[_Figure]]]:
     ]
     return [
         ("Worst cell", [figure(WORST_WORDS, "worst", name) for name in HIGHER_IS_BETTER]),
-        ("Mean of all cells", [figure(MEAN_WORDS, "mean", name) for name in HIGHER_IS_BETTER]),
+        ("Mean of all cells", means),
         ("Validity", validity),
     ]
 
@@ -514,7 +527,8 @@ def _best(values: Sequence[float], texts: Sequence[str], higher: bool) -> frozen
     """Columns of the best value; what reads the same is equal, and among equals none is best."""
     if len(set(texts)) < 2:
         return frozenset()
-    best = texts[values.index(max(values) if higher else min(values))]
+    known = [value for value in values if not math.isnan(value)]
+    best = texts[values.index(max(known) if higher else min(known))]
     return frozenset(k for k, text in enumerate(texts) if text == best)
 
 

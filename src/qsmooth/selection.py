@@ -95,8 +95,10 @@ def _marked(array: npt.NDArray[Any], n_cells: int) -> BoolArray:
         raise ValueError("selection must be cell ids, a boolean mask or a threshold")
     bad = (array < 0) | (array >= n_cells)
     if bad.any():
+        n = int(bad.sum())
         raise ValueError(
-            f"{int(bad.sum())} cell ids in selection are outside 0 .. {n_cells - 1}, "
+            f"{n} {'cell id in selection is' if n == 1 else 'cell ids in selection are'} outside "
+            f"0 .. {n_cells - 1}, "
             f"the first is {array[np.argmax(bad)]}"
         )
     marked[array.astype(np.int64)] = True

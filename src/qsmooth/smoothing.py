@@ -34,6 +34,8 @@ LEAST_SHAPE_GAIN = 1e-4
 GOOD_SCALED_JACOBIAN = 0.5
 # Proposals of the aspect-ratio method are weighted by the edge ratio to this power.
 RATIO_POWER = 4.0
+# Sweeps at most, unless the caller or the method says otherwise.
+SWEEPS = 50
 
 
 @dataclass(frozen=True)
@@ -120,14 +122,14 @@ class Method:
     guarded: bool
     start: Callable[[Mesh, Schedule, _Settings], Sweep] | None  # None: it has a driver of its own
     step: float = 0.25  # the default
-    max_sweeps: int = 50  # the default
+    max_sweeps: int = SWEEPS  # the default
 
 
 @dataclass(frozen=True)
 class _Settings:
     """Checked options of `smooth`."""
 
-    max_sweeps: int = 50
+    max_sweeps: int = SWEEPS
     rtol: float = 1e-3
     guard: str = "quality"
     max_angle: float = 120.0
@@ -1016,7 +1018,7 @@ def _iterate(
                 start = time.perf_counter()
                 sweep(xy, moves, shares)
                 seconds += time.perf_counter() - start
-                history.append(_record(mesh, xy, moves, shares))
+                history.append(_record(Quality(mesh._at_xy(xy)), moves, shares))
                 if callback is not None:
                     callback(history[-1])
                 stop = _why_stop(history[n_past:], settings.rtol)
@@ -1065,8 +1067,8 @@ def _optimized(
     n_movable = schedule.vertices.size
     history: list[SweepRecord] = []
 
-    def note(xy: FloatArray, moves: FloatArray, shares: FloatArray) -> None:
-        history.append(_record(mesh, xy, moves, shares))
+    def note(now: Quality, moves: FloatArray, shares: FloatArray) -> None:
+        history.append(_record(now, moves, shares))
         if callback is not None:
             callback(history[-1])
 
@@ -1136,14 +1138,14 @@ def _split_note(mesh: Mesh, settings: _Settings, n_lost: int) -> str:
     )
 
 
-def _record(mesh: Mesh, xy: FloatArray, moves: FloatArray, shares: FloatArray) -> SweepRecord:
-    now = Quality(mesh._at_xy(xy))
+def _record(now: Quality, moves: FloatArray, shares: FloatArray) -> SweepRecord:
+    smallest, largest = now.extreme_angles
     return SweepRecord(
         largest_move=float(moves.max()),
         largest_share=float(shares.max()),
         n_moved=int((moves > 0.0).sum()),
-        min_angle=float(now.min_angle.min()),
-        max_angle=float(now.max_angle.max()),
+        min_angle=smallest,
+        max_angle=largest,
         mean_shape=float(now.shape.mean()),
         n_invalid=now.n_invalid,
     )

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from qsmooth.mesh import Mesh, Surface
 
-__all__ = ["formats", "from_meshio", "read_mesh", "to_meshio", "write_mesh"]
+__all__ = ["format_of", "formats", "from_meshio", "read_mesh", "to_meshio", "write_mesh"]
 
 PathLike: TypeAlias = str | os.PathLike[str]
 
@@ -87,6 +87,7 @@ def read_mesh(path: PathLike, *, surface: Surface = "auto", format: str | None =
     path = Path(path)
     try:
         document = _read(path, format)
+        document.ending = path.suffix.lower()
         mesh = document.to_mesh(surface)
     except MeshError as error:
         message = str(error)
@@ -107,7 +108,8 @@ def write_mesh(path: PathLike, mesh: Mesh, *, format: str | None = None) -> None
     Parameters
     ----------
     path
-        The format goes by the ending; where several share it, by the file the mesh came from.
+        The format goes by the ending; where several share it, or there is none, by the file the
+        mesh came from.
     format
         Name of a format, one of `formats()`, if the ending does not say it.
 
@@ -118,7 +120,7 @@ def write_mesh(path: PathLike, mesh: Mesh, *, format: str | None = None) -> None
     """
     path = Path(path)
     source = mesh._source if isinstance(mesh._source, Document) else None
-    name = format or _name_for(path, source)
+    name = format_of(path, mesh, format=format)
     same_format = source is not None and source.format == name
     lost: list[str] = []
     if same_format and source is not None and source.data and _can_splice(source, mesh):
@@ -128,15 +130,29 @@ def write_mesh(path: PathLike, mesh: Mesh, *, format: str | None = None) -> None
         data = form.write(document)
         lost = document.losses(form.HOLDS)
         write_bytes(path, data)
-    elif name in bridge.formats():
+    else:
         document = of_mesh(mesh)
         lost = bridge.write(document, path, name) + list(document.extras)
-    else:
-        raise MeshError(f"cannot write '{path}': unknown format {name!r}, known are {_known()}")
     if lost:
         warnings.warn(
             f"'{path}': format {name} cannot hold {'; '.join(lost)}", MeshWarning, stacklevel=2
         )
+
+
+def format_of(path: PathLike, mesh: Mesh, *, format: str | None = None) -> str:
+    """Name the format that `write_mesh` writes with these arguments.
+
+    Raises
+    ------
+    MeshError
+        If there is none, or no such one.
+    """
+    path = Path(path)
+    source = mesh._source if isinstance(mesh._source, Document) else None
+    name = format or _name_for(path, source)
+    if name not in formats():
+        raise MeshError(f"cannot write '{path}': unknown format {name!r}, known are {_known()}")
+    return name
 
 
 def from_meshio(meshio_mesh: meshio.Mesh, *, surface: Surface = "auto") -> Mesh:
@@ -197,8 +213,11 @@ def _name_for(path: Path, source: Document | None) -> str:
     ending = path.suffix.lower()
     claiming = [form.NAME for form in FORMATS if ending in form.ENDINGS]
     names = claiming or bridge.names(path)
-    if source is not None and (source.format in names or not names):
-        return source.format
+    if source is not None and source.format:
+        # An ending that says nothing is the one it was read from, or left out.
+        says_nothing = not names and ending in ("", source.ending)
+        if source.format in names or says_nothing:
+            return source.format
     if not names:
         raise MeshError(f"cannot write '{path}': unknown ending {ending!r}, known are {_known()}")
     return names[0]

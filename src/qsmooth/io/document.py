@@ -65,8 +65,9 @@ class Document:
         What else was seen in the file; kept in its own format, lost in any other.
     notes
         What was odd in the file and yet could be read rightly.
-    format, data, slots
-        Where it comes from: name of the format, bytes of the file, place of its coordinates.
+    format, ending, data, slots
+        Where it comes from: name of the format, ending and bytes of the file, place of its
+        coordinates.
         `slots` is None where there is no file or where it cannot be written back.
     places
         For each block the byte at which each cell stands, for messages; or None.
@@ -84,6 +85,7 @@ class Document:
     extras: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     format: str = ""
+    ending: str = ""
     data: bytes = b""
     slots: Splice | None = None
     places: list[IndexArray] | None = None

@@ -143,18 +143,9 @@ def keeps_corners(
 
 @helper()
 def star_scaled_jacobian(
-    xy: FloatArray,
-    corners: TableArray,
-    first: int,
-    last: int,
-    x: float,
-    y: float,
-    enough: float,
+    xy: FloatArray, corners: TableArray, first: int, last: int, x: float, y: float
 ) -> float:
-    """Smallest scaled Jacobian of the star's cells with v at (x, y).
-
-    Stops as soon as it is below `enough`, as the exact figure does not matter then.
-    """
+    """Smallest scaled Jacobian of the star's cells with v at (x, y)."""
     worst = np.inf
     for row in range(first, last):
         a, b, c = corners[row, 0], corners[row, 1], corners[row, 2]
@@ -165,8 +156,6 @@ def star_scaled_jacobian(
         else:
             score = triangle_scaled_jacobian(x, y, xy[a, 0], xy[a, 1], xy[c, 0], xy[c, 1])
         worst = min(worst, score)
-        if worst < enough:
-            return worst
     return worst
 
 
@@ -213,11 +202,11 @@ def allowed_step(
             if math.isnan(good):
                 return new_x, new_y
             enough = good if math.isnan(present) else min(good, present)
-            score = star_scaled_jacobian(xy, corners, first, last, new_x, new_y, -np.inf)
+            score = star_scaled_jacobian(xy, corners, first, last, new_x, new_y)
             if score >= enough:
                 return new_x, new_y
             if math.isnan(present):
-                present = star_scaled_jacobian(xy, corners, first, last, x, y, -np.inf)
+                present = star_scaled_jacobian(xy, corners, first, last, x, y)
                 if score >= present:
                     return new_x, new_y
         dx *= 0.5

@@ -32,6 +32,8 @@ N_ROWS = 15
 ENERGY, GX, GY, HXX, HXY, HYY, TRIAL, MARGIN, SX, SY, X, Y, PX, PY, TODO = (
     lane_row(k) for k in range(N_ROWS)
 )
+# Share of its energy that a vertex's step must promise, by its linear model, to be worth a trial.
+LEAST_PROMISE = 1e-14
 # Fractions of the Newton step that are tried after the over-relaxed one.
 FRACTIONS = (1.0, 0.4, 0.1)
 
@@ -159,14 +161,23 @@ def _add_triangle(
 
 
 @helper()
-def newton_step(s: FloatArray, n: int) -> None:
-    """Solve each lane's 2 by 2 system for its Newton step."""
+def newton_step(s: FloatArray, n: int) -> float:
+    """Solve each lane's 2 by 2 system for its Newton step; count the lanes that have one to take.
+
+    A step that promises less than rounding can show is none: the vertex rests.
+    """
+    left = 0.0
     for i in range(n):
         hxx, hxy, hyy = s[HXX + i], s[HXY + i], s[HYY + i]
         gx, gy = s[GX + i], s[GY + i]
         inv = 1.0 / (hxx * hyy - hxy * hxy)
-        s[SX + i] = -(hyy * gx - hxy * gy) * inv
-        s[SY + i] = -(hxx * gy - hxy * gx) * inv
+        sx = -(hyy * gx - hxy * gy) * inv
+        sy = -(hxx * gy - hxy * gx) * inv
+        s[SX + i], s[SY + i] = sx, sy
+        s[TODO + i] = 1.0 if -(gx * sx + gy * sy) > LEAST_PROMISE * s[ENERGY + i] else 0.0
+    for i in range(n):
+        left += s[TODO + i]
+    return left
 
 
 @lane_helper()
@@ -252,7 +263,6 @@ def gather_block(
         v = vertices[first + i]
         s[X + i], s[Y + i] = xy[v, 0], xy[v, 1]
         moves[first + i] = 0.0
-        s[TODO + i] = 1.0
     for i in range(ROW6):
         s[i] = 0.0
 
@@ -271,9 +281,11 @@ def _move_block(
         _add_triangle(
             star_xy, s, triangle_rows + k * ROW4, n, mean_weight, inv_limit, squarings, power
         )
-    newton_step(s, n)
+    left = newton_step(s, n)
     fraction = relaxation
     for attempt in range(len(FRACTIONS) + 1):
+        if left == 0.0:
+            break
         start_trial(s, n, fraction)
         for k in range(quads):
             _try_quad(star_xy, s, k * ROW6, n, mean_weight, inv_limit, squarings)
@@ -290,9 +302,7 @@ def _move_block(
                 moves[first + i] = math.sqrt(dx * dx + dy * dy)
                 s[TODO + i] = 0.0
             left += s[TODO + i]
-        if left == 0.0 or attempt == len(FRACTIONS):
-            break
-        fraction = FRACTIONS[attempt]
+        fraction = FRACTIONS[min(attempt, len(FRACTIONS) - 1)]
 
 
 @parallel_kernel()

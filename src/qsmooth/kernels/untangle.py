@@ -156,9 +156,11 @@ def _move_block(
         _add_quad(star_xy, s, k * ROW6, n)
     for k in range(triangles):
         _add_triangle(star_xy, s, triangle_rows + k * ROW4, n)
-    newton_step(s, n)
+    left = newton_step(s, n)
     fraction = relaxation
     for attempt in range(len(FRACTIONS) + 1):
+        if left == 0.0:
+            break
         start_trial(s, n, fraction)
         for k in range(quads):
             _try_quad(star_xy, s, k * ROW6, n)
@@ -173,9 +175,7 @@ def _move_block(
                 moves[first + i] = math.sqrt(dx * dx + dy * dy)
                 s[TODO + i] = 0.0
             left += s[TODO + i]
-        if left == 0.0 or attempt == len(FRACTIONS):
-            break
-        fraction = FRACTIONS[attempt]
+        fraction = FRACTIONS[min(attempt, len(FRACTIONS) - 1)]
 
 
 @parallel_kernel()

@@ -1,0 +1,82 @@
+"""Blocks of lanes: every vertex once, in its colour, with its own star."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given
+
+from meshes import KINDS, grid, random_mesh, random_meshes
+from qsmooth import Mesh
+from qsmooth.kernels.blocks import FIRST, LANES, N_QUADS, N_TRIANGLES, SIZE, STAR, build_blocks
+from qsmooth.kernels.topology import NO_VERTEX
+
+
+def blocks_of(mesh):
+    schedule = mesh._topology.schedule(True)
+    return schedule, build_blocks(
+        schedule.colour_offsets, schedule.vertices, schedule.offsets, schedule.corners
+    )
+
+
+def rows_of(schedule, i):
+    """Quads (a, b, c) and triangles (a, c) of one vertex of a schedule."""
+    rows = schedule.corners[schedule.offsets[i] : schedule.offsets[i + 1]].tolist()
+    quads = [tuple(row) for row in rows if row[1] != NO_VERTEX]
+    return quads, [(row[0], row[2]) for row in rows if row[1] == NO_VERTEX]
+
+
+def check(mesh):
+    schedule, (colour_blocks, blocks, vertices, stars, rows) = blocks_of(mesh)
+    n = schedule.vertices.size
+    assert sorted(rows.tolist()) == list(range(n))
+    assert np.array_equal(vertices, schedule.vertices[rows])
+    assert colour_blocks[0] == 0
+    assert colour_blocks[-1] == len(blocks)
+    first, entry = 0, 0
+    for colour, (start, stop) in enumerate(itertools.pairwise(colour_blocks)):
+        for block in blocks[start:stop].astype(int):
+            size, n_quads, n_triangles = block[SIZE], block[N_QUADS], block[N_TRIANGLES]
+            assert 1 <= size <= LANES
+            assert block[FIRST] == first
+            assert block[STAR] == entry
+            n_corners = 3 * n_quads + 2 * n_triangles
+            table = stars[entry : entry + n_corners * size].reshape(n_corners, size)
+            for lane in range(size):
+                quads, triangles = rows_of(schedule, rows[first + lane])
+                corners = table[:, lane].tolist()
+                assert [tuple(q) for q in np.reshape(corners[: 3 * n_quads], (-1, 3))] == quads
+                pairs = np.reshape(corners[3 * n_quads :], (-1, 2))
+                assert [tuple(p) for p in pairs] == triangles
+            first, entry = first + size, entry + n_corners * size
+        assert first == schedule.colour_offsets[colour + 1]
+    assert first == n
+    assert entry == stars.size
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_vertex_is_in_one_block_with_its_star(kind):
+    check(random_mesh(kind, 5, seed=1).mesh)
+
+
+@given(random_meshes())
+def test_blocks_of_any_mesh(made):
+    check(made.mesh)
+
+
+@pytest.mark.nojit
+def test_blocks_are_full_where_all_stars_are_alike():
+    # 20 by 20 interior vertices in four colours of 100: 64 and 36 each.
+    _, (colour_blocks, blocks, *_) = blocks_of(Mesh(*grid(21, 21)))
+    assert colour_blocks.tolist() == [0, 2, 4, 6, 8]
+    assert blocks[:, SIZE].tolist() == [64, 36] * 4
+    assert set(blocks[:, N_QUADS].tolist()) == {4}
+    assert not blocks[:, N_TRIANGLES].any()
+
+
+@pytest.mark.nojit
+def test_no_movable_vertex_makes_no_block():
+    _, (colour_blocks, blocks, vertices, stars, rows) = blocks_of(Mesh(*grid(1, 3)))
+    assert colour_blocks[-1] == 0
+    assert len(blocks) == vertices.size == stars.size == rows.size == 0

@@ -1,0 +1,333 @@
+"""Slow, obvious versions of the optimiser's kernels and of the bounds on angles.
+
+Derivatives come from arithmetic on jets (a value, its gradient, its Hessian) and not from formulas;
+eigenvalues from numpy. Points are complex numbers, cells lists of vertex ids, as in `reference`.
+"""
+
+import cmath
+import math
+from collections import Counter, defaultdict
+
+import numpy as np
+
+import reference
+
+# Multiples of the Newton step, in the order in which they are tried.
+FRACTIONS = (1.7, 1.0, 0.4, 0.1)
+SINE_60 = math.sin(math.radians(60.0))
+
+
+class Jet:
+    """A number with its first and second derivatives by some variables."""
+
+    def __init__(self, value, gradient, hessian):
+        self.value, self.gradient, self.hessian = value, gradient, hessian
+
+    @classmethod
+    def variables(cls, values):
+        n = len(values)
+        return [cls(float(x), np.eye(n)[k], np.zeros((n, n))) for k, x in enumerate(values)]
+
+    def apply(self, value, first, second):
+        """A function of this number, given its value and derivatives here."""
+        outer = np.outer(self.gradient, self.gradient)
+        return Jet(value, first * self.gradient, first * self.hessian + second * outer)
+
+    def __add__(self, other):
+        if not isinstance(other, Jet):
+            return Jet(self.value + other, self.gradient, self.hessian)
+        return Jet(
+            self.value + other.value, self.gradient + other.gradient, self.hessian + other.hessian
+        )
+
+    def __neg__(self):
+        return Jet(-self.value, -self.gradient, -self.hessian)
+
+    def __sub__(self, other):
+        return self + (-other)
+
+    def __rsub__(self, other):
+        return -self + other
+
+    def __mul__(self, other):
+        if not isinstance(other, Jet):
+            return Jet(self.value * other, self.gradient * other, self.hessian * other)
+        cross = np.outer(self.gradient, other.gradient)
+        return Jet(
+            self.value * other.value,
+            self.value * other.gradient + other.value * self.gradient,
+            self.value * other.hessian + other.value * self.hessian + cross + cross.T,
+        )
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def __truediv__(self, other):
+        if not isinstance(other, Jet):
+            return self * (1.0 / other)
+        inv = 1.0 / other.value
+        return self * other.apply(inv, -inv * inv, 2.0 * inv**3)
+
+    def __pow__(self, p):
+        x = self.value
+        return self.apply(x**p, p * x ** (p - 1), p * (p - 1) * x ** (p - 2))
+
+
+def value(x) -> float:
+    return x.value if isinstance(x, Jet) else x
+
+
+# ------------------------------------------------------------------------------- energies
+
+
+def edges_at(places, cell, i):
+    """Edge vectors from corner i to the next and to the previous one."""
+    v, b, d = reference.corners(cell)[i]
+    return tuple(
+        (places[w][0] - places[v][0], places[w][1] - places[v][1]) for w in (b, d)
+    )  # fmt: skip
+
+
+def determinant(u, w):
+    return u[0] * w[1] - u[1] * w[0]
+
+
+def squared(u):
+    return u[0] * u[0] + u[1] * u[1]
+
+
+def squares_of(u, w, triangle):
+    """What the shape energy divides by the determinant."""
+    if triangle:
+        return (squared(u) + squared(w) - (u[0] * w[0] + u[1] * w[1])) * (1.0 / math.sqrt(3.0))
+    return (squared(u) + squared(w)) * 0.5
+
+
+def badness(u, w, triangle, *, bound=False):
+    """One over the corner's sine (over that of 60 degrees, in a triangle).
+
+    With `bound` the length product |u| |w| is replaced by (|u|² t + |w|² / t) / 2, which touches it
+    here and lies above it elsewhere.
+    """
+    uu, ww, det = squared(u), squared(w), determinant(u, w)
+    if bound:
+        t = math.sqrt(value(ww) / value(uu))
+        g = (uu * t + ww * (1.0 / t)) * 0.5 / det
+    else:
+        g = (uu * ww) ** 0.5 / det
+    return g * SINE_60 if triangle else g
+
+
+def stand_in(det, soft, *, linear=False):
+    """Positive everywhere, nearly `det` where that is large; with `linear`, its tangent here."""
+    d = value(det)
+    root = math.hypot(d, soft)
+    chi = 0.5 * (d + root) if d > 0.0 else 0.5 * soft * soft / (root - d)
+    if linear:
+        return (det - d) * (chi / root) + chi
+    return chi if not isinstance(det, Jet) else ((det * det + soft * soft) ** 0.5 + det) * 0.5
+
+
+def terms(places, cells, only=None, *, bound=False, linear=False, soft=None):
+    """Terms f and g of all corners in which a vertex of `only` takes part.
+
+    A triangle has one f, and three g. With `soft` the f are those of the stand-in.
+    """
+    f, g = [], []
+    for cell in cells:
+        triangle = len(cell) == 3
+        seen = False
+        for i, corner in enumerate(reference.corners(cell)):
+            if only is not None and not only & set(corner):
+                continue
+            u, w = edges_at(places, cell, i)
+            det = determinant(u, w)
+            if soft is not None:
+                det = stand_in(det, soft, linear=linear)
+            if not (triangle and seen):
+                f.append(squares_of(u, w, triangle) / det)
+            seen = True
+            if soft is None:
+                g.append(badness(u, w, triangle, bound=bound))
+    return f, g
+
+
+def star_energy(places, v, cells, mean_weight, limit, squarings, *, bound=False):
+    """Sum of mean_weight · f + (g / limit)^(2^squarings) over the corners that v takes part in."""
+    f, g = terms(places, reference.fan(v, cells), {v}, bound=bound)
+    power = 2**squarings
+    return sum(x * mean_weight for x in f) + sum((x * (1.0 / limit)) ** power for x in g)
+
+
+def total_energy(points, cells, movable, mean_weight, limit, squarings) -> float:
+    """The same over all corners that can change, plain numbers."""
+    places = [(z.real, z.imag) for z in points]
+    f, g = terms(places, cells, set(movable))
+    return math.fsum(mean_weight * x for x in f) + math.fsum((x / limit) ** 2**squarings for x in g)
+
+
+def soft_energy(places, v, cells, soft, *, linear=False):
+    """Sum of the untangling terms over the corners that v takes part in; `soft` is ε r."""
+    return sum(terms(places, reference.fan(v, cells), {v}, soft=soft, linear=linear)[0])
+
+
+def total_soft_energy(points, cells, movable, soft) -> float:
+    places = [(z.real, z.imag) for z in points]
+    return math.fsum(terms(places, cells, set(movable), soft=soft)[0])
+
+
+# ------------------------------------------------------------------------------- sweeps
+
+
+def places_with(points, v, z):
+    """Coordinates of all vertices as pairs, those of v as given."""
+    places = [(p.real, p.imag) for p in points]
+    places[v] = z
+    return places
+
+
+def newton_step(energy: Jet) -> complex:
+    return complex(*np.linalg.solve(energy.hessian, -energy.gradient))
+
+
+def _sweep(points, order, at, is_safe) -> list[complex]:
+    """Move each vertex to the first of the fractions of its Newton step that is downhill."""
+    points = list(points)
+    for v in order:
+        z = points[v]
+        jet = at(points, v, Jet.variables((z.real, z.imag)), True)
+        step = newton_step(jet)
+        for fraction in FRACTIONS:
+            new = z + fraction * step
+            if is_safe(points, v, new) and at(points, v, (new.real, new.imag), False) < jet.value:
+                points[v] = new
+                break
+    return points
+
+
+def newton_sweep(points, cells, order, mean_weight, limit, squarings) -> list[complex]:
+    def at(points, v, z, bound):
+        places = places_with(points, v, z)
+        return star_energy(places, v, cells, mean_weight, limit, squarings, bound=bound)
+
+    def is_safe(points, v, new):
+        moved = [*points[:v], new, *points[v + 1 :]]
+        return all(
+            reference.sign(*(moved[w] for w in corner)) > 0
+            for cell in reference.fan(v, cells)
+            for corner in reference.corners(cell)
+            if v in corner
+        )
+
+    return _sweep(points, order, at, is_safe)
+
+
+def untangle_sweep(points, cells, order, sizes, epsilon) -> list[complex]:
+    def at(points, v, z, linear):
+        return soft_energy(
+            places_with(points, v, z), v, cells, epsilon * sizes[v], linear=linear
+        )  # fmt: skip
+
+    return _sweep(points, order, at, lambda points, v, new: True)
+
+
+# ------------------------------------------------------------------------------- whole mesh
+
+
+def corner_jet(u, w) -> Jet:
+    """(|u|² + |w|²) / (2 det(u, w)) by its four variables."""
+    ux, uy, wx, wy = Jet.variables((*u, *w))
+    return squares_of((ux, uy), (wx, wy), triangle=False) / determinant((ux, uy), (wx, wy))
+
+
+def semi_definite(matrix):
+    """The nearest semi-definite matrix."""
+    values, vectors = np.linalg.eigh(matrix)
+    return (vectors * np.maximum(values, 0.0)) @ vectors.T
+
+
+def gradient_and_hessian(points, cells, unknowns):
+    """Of the sum of f over the corners that can change; each corner's Hessian semi-definite.
+
+    Unknowns are the vertices of the rows; the matrix is dense.
+    """
+    n = 2 * len(unknowns)
+    row = {v: 2 * k for k, v in enumerate(unknowns)}
+    gradient, hessian = np.zeros(n), np.zeros((n, n))
+    for cell in cells:
+        for v, b, d in reference.corners(cell)[: 1 if len(cell) == 3 else 4]:
+            if not {v, b, d} & row.keys():
+                continue
+            # (u, w) as a linear function of the three places; a triangle is mapped to half a square
+            to = np.zeros((4, 6))
+            to[:2, :2], to[:2, 2:4] = -np.eye(2), np.eye(2)
+            to[2:, :2], to[2:, 4:] = -np.eye(2), np.eye(2)
+            if len(cell) == 3:
+                to[2:] = (2.0 * to[2:] - to[:2]) / math.sqrt(3.0)
+            at = np.array([[points[w].real, points[w].imag] for w in (v, b, d)])
+            u_w = to @ (at - at[0]).ravel()
+            jet = corner_jet(u_w[:2], u_w[2:])
+            local_gradient = to.T @ jet.gradient
+            local_hessian = to.T @ semi_definite(jet.hessian) @ to
+            for i, p in enumerate((v, b, d)):
+                if p not in row:
+                    continue
+                gradient[row[p] : row[p] + 2] += local_gradient[2 * i : 2 * i + 2]
+                for j, q in enumerate((v, b, d)):
+                    if q in row:
+                        hessian[row[p] : row[p] + 2, row[q] : row[q] + 2] += local_hessian[
+                            2 * i : 2 * i + 2, 2 * j : 2 * j + 2
+                        ]
+    return gradient, hessian
+
+
+# ------------------------------------------------------------------------------- bounds on angles
+
+
+def angle_shares(points, v, cells, movable) -> list[float]:
+    """What the angle between two neighbouring fixed edges at v is for each cell in between.
+
+    Cells at v belong together where the edge between them can move; 360 degrees where they close.
+    """
+    fan = reference.fan(v, cells)
+    group = list(range(len(fan)))
+    owners = defaultdict(list)
+    for c, cell in enumerate(fan):
+        for w in (cell[1], cell[-1]):
+            owners[w].append(c)
+    for w, pair in owners.items():
+        if len(pair) == 2 and (movable[v] or movable[w]):
+            old, new = group[pair[1]], group[pair[0]]
+            group = [new if g == old else g for g in group]
+    shares = []
+    for g in set(group):
+        members = [c for c in range(len(fan)) if group[c] == g]
+        # A run starts at the first edge of some cell that is the last edge of no other, and so on.
+        firsts = Counter(fan[c][1] for c in members)
+        lasts = Counter(fan[c][-1] for c in members)
+        start, stop = list((firsts - lasts).elements()), list((lasts - firsts).elements())
+        if not start:
+            # Closed: round a free vertex, or from the one fixed edge to itself.
+            shares.append(360.0 / len(members))
+            continue
+        if movable[v] or movable[start[0]] or movable[stop[0]]:
+            continue
+        a, b = points[start[0]] - points[v], points[stop[0]] - points[v]
+        if not (a and b):
+            continue
+        angle = math.degrees(cmath.phase(b * a.conjugate())) % 360.0
+        shares.append((angle or 360.0) / len(members))
+    return shares
+
+
+def angle_limits(points, cells, movable):
+    """Bounds on the smallest and the largest angle, each with its vertex, -1 for a cell's sum."""
+    low = min(60.0 if len(cell) == 3 else 90.0 for cell in cells)
+    high = max(60.0 if len(cell) == 3 else 90.0 for cell in cells)
+    at_low = at_high = -1
+    for v in range(len(points)):
+        for share in angle_shares(points, v, cells, movable):
+            if share < low - 1e-9:
+                low, at_low = share, v
+            if share > high + 1e-9:
+                high, at_high = share, v
+    return low, high, at_low, at_high
