@@ -257,6 +257,7 @@ def test_a_moebius_strip(n):
         ([True], "a fixed mask must have the shape (4,), got (1,)"),
         (np.zeros((4, 1), bool), "a fixed mask must have the shape (4,), got (4, 1)"),
         ([0, 4, -1], "2 ids in fixed are outside 0 .. 3, the first is 4"),
+        ([0, 4], "1 id in fixed is outside 0 .. 3, the first is 4"),
         ([0.0], "fixed must be a boolean mask or a list of vertex ids"),
         ([[0], [1]], "fixed must be a boolean mask or a list of vertex ids"),
     ],

@@ -43,7 +43,7 @@ def test_summary_in_full_words():
     assert re.search(r"Largest angle +90\.00°", text)
     assert re.search(r"Largest aspect ratio +1\.12", text)
     assert re.search(r"Mean of largest angles +76\.72°", text)
-    assert re.search(r"Size ratio of neighbours +1\.73", text)
+    assert re.search(r"Size ratio of neighbours +1\.15", text)
     assert re.search(r"Cells not valid +0", text)
     assert re.search(r"90 to 100 degrees +1 cells +50\.0 % +█+", text)
     assert "60 to 70 degrees" in text  # from 60 where there are triangles
@@ -79,7 +79,7 @@ def test_a_single_cell_has_no_neighbours():
     line = next(
         x for x in str(change_table(good, quality(MIXED).summary())).splitlines() if "Size" in x
     )
-    assert line.split()[4:] == ["none", "1.73"]
+    assert line.split()[4:] == ["none", "1.15"]
 
 
 def test_methods_have_titles():

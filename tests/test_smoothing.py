@@ -37,7 +37,6 @@ BAD = [
     ({"max_sweeps": -1}, "max_sweeps must be an integer of 0 or more, got -1"),
     ({"max_sweeps": 2.0}, "max_sweeps must be an integer of 0 or more, got 2.0"),
     ({"max_sweeps": True}, "max_sweeps must be an integer of 0 or more, got True"),
-    ({"max_sweeps": None}, "max_sweeps must be an integer of 0 or more, got None"),
     ({"max_sweeps": math.nan}, "max_sweeps must be an integer of 0 or more, got nan"),
     ({"rtol": -1e-9}, "rtol must be in [0, 1), got -1e-09"),
     ({"rtol": 1.0}, "rtol must be in [0, 1), got 1.0"),
@@ -120,9 +119,22 @@ def test_an_option_that_a_method_does_not_have(method, options):
 
 
 @pytest.mark.nojit
+@pytest.mark.parametrize(("method", "most"), [("star", 50), ("laplacian", 50), ("optimize", 5000)])
+def test_each_method_has_a_limit_of_its_own(monkeypatch, method, most):
+    from qsmooth import smoothing
+
+    seen = []
+    name = "_optimized" if method == "optimize" else "_iterate"
+    monkeypatch.setattr(smoothing, name, lambda *given: seen.extend(given))
+    smooth(grid(2, 2), method)
+    (settings,) = [given for given in seen if isinstance(given, smoothing._Settings)]
+    assert settings.max_sweeps == most
+
+
+@pytest.mark.nojit
 def test_a_method_that_is_none():
     with pytest.raises(
-        ValueError, match=r"method must be one of auto, star, quad, .*smart-laplacian; got 'fast'"
+        ValueError, match=r"method must be one of auto, optimize, star, quad, .*; got 'fast'"
     ):
         smooth(grid(2, 2), "fast")
 

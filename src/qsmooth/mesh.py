@@ -21,8 +21,13 @@ MeshLike: TypeAlias = "Mesh | tuple[Any, Any]"
 
 # Points may leave their common plane by this fraction of the mesh's diameter.
 PLANE_TOLERANCE = 1e-9
-# Products of four coordinates must not overflow.
+# Products of four coordinates must not overflow, nor those of a mesh's lengths vanish.
 LARGEST_COORDINATE = 1e75
+SMALLEST_DIAMETER = 1e-75
+# Rounding beyond this fraction of the diameter is no excuse.
+MOST_ROUNDING = 1e-5
+# Coordinates that are all rounded, to at most so many digits or to float32, may leave it by that.
+FEW_DIGITS = 9
 # Tables hold vertex ids in 32 bits, and keep one for "none".
 LARGEST_COUNT = 2**32 - 2
 
@@ -43,7 +48,8 @@ class Mesh:
         Vertex ids of each cell, counted from 0. Cells are numbered as listed.
     surface
         What a third coordinate means. ``"auto"``: the points must lie in one plane (to 1e-9 of
-        the mesh's diameter), which is then smoothed in. ``"flat"``: x and y are the geometry, and
+        the mesh's diameter, or to the rounding of coordinates that have few digits), which is then
+        smoothed in. ``"flat"``: x and y are the geometry, and
         z is a value that is carried along, as the depth in a hydrodynamic mesh.
     fixed : (n,) bool, or vertex ids
         Vertices that must not move, besides those on the boundary.
@@ -487,6 +493,8 @@ def _read_only(array: A) -> A:
 
 def _checked_points(points: npt.ArrayLike) -> FloatArray:
     try:
+        if np.iscomplexobj(points):
+            raise TypeError("they are complex")
         array = np.array(points, dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:
         raise MeshError(f"points must be numbers in an (n, 2) or (n, 3) array: {error}") from None
@@ -497,6 +505,9 @@ def _checked_points(points: npt.ArrayLike) -> FloatArray:
     bad = ~np.isfinite(array).all(axis=1)
     if bad.any():
         raise MeshError(_count(bad, "not finite"))
+    diameter = float(np.linalg.norm(np.ptp(np.clip(array, -1e75, 1e75), axis=0)))
+    if 0.0 < diameter < SMALLEST_DIAMETER:
+        raise MeshError(f"the mesh is {diameter:.3g} across, where areas vanish: scale it up")
     bad = (np.abs(array) > LARGEST_COORDINATE).any(axis=1)
     if bad.any():
         raise MeshError(_count(bad, f"beyond {LARGEST_COORDINATE:g}, where areas overflow"))
@@ -565,6 +576,10 @@ def _checked_fixed(fixed: npt.ArrayLike | None, n_vertices: int) -> BoolArray | 
             raise MeshError(f"a fixed mask must have the shape ({n_vertices},), got {array.shape}")
         return array.copy()
     mask = np.zeros(n_vertices, np.bool_)
+    if array.shape == (n_vertices,) and n_vertices > 2 and np.isin(array, (0, 1)).all():
+        raise MeshError(
+            "fixed looks like a mask of 0 and 1: give booleans, or a list of vertex ids"
+        )
     if array.size:
         if array.dtype.kind not in "iu" or array.ndim != 1:
             raise MeshError("fixed must be a boolean mask or a list of vertex ids")
@@ -619,9 +634,25 @@ def _is_level(corners: FloatArray) -> bool:
     return bool(spans[2] <= PLANE_TOLERANCE * np.linalg.norm(spans))
 
 
+def _rounding(corners: FloatArray) -> float:
+    """How far coordinates may be off for having been rounded to float32, or to a few digits."""
+    sizes = np.abs(corners[corners != 0.0])
+    largest = float(sizes.max())
+    if np.array_equal(corners.astype(np.float32), corners):
+        return largest * float(np.finfo(np.float32).eps)
+    exponents = np.floor(np.log10(sizes))
+    for digits in range(1, FEW_DIGITS + 1):
+        unit = 10.0 ** (exponents + 1 - digits)
+        if (np.abs(np.round(sizes / unit) * unit - sizes) <= 1e-15 * sizes).all():
+            return float(unit.max())
+    return 0.0
+
+
 def _require_plane(corners: FloatArray, frame: _Frame) -> None:
     off = np.abs((corners - frame.origin) @ frame.normal)
-    if off.max() > PLANE_TOLERANCE * frame.diameter:
+    if off.max() > PLANE_TOLERANCE * frame.diameter and off.max() > min(
+        _rounding(corners), MOST_ROUNDING * frame.diameter
+    ):
         raise MeshError(
             "the points do not lie in one plane: they leave it by up to "
             f"{off.max():.3g}, in a mesh {frame.diameter:.3g} across; if z is a value on a flat "

@@ -187,6 +187,9 @@ class Quality:
         self._mesh = mesh
         self._arguments = mesh.xy, mesh.cell_offsets, mesh.cell_vertices
 
+    def __repr__(self) -> str:
+        return f"Quality of {self._mesh!r}"
+
     @cached_property
     def _angles(self) -> tuple[FloatArray, FloatArray]:
         from qsmooth.kernels.cell_metrics import angles

@@ -49,7 +49,8 @@ HISTOGRAM_WORDS = {
 DEFINITIONS = (
     "Aspect ratio: longest over shortest edge of a cell. Scaled Jacobian: sine of a cell's worst "
     "corner (in triangles over that of 60°). Shape: mean ratio of its worst corner. Size ratio of "
-    "neighbours: largest ratio of a cell's area to that of a cell next to it. Ideal: 1."
+    "neighbours: largest ratio of a cell's area to that of a cell next to it (each over that of "
+    "the ideal cell), geometric mean. Ideal: 1."
 )
 BEST = "*"
 LONGEST_BAR = 12

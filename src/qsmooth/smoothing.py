@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, cast
 
 import numpy as np
@@ -96,9 +96,9 @@ class SmoothResult:
     sweeps: int
     converged: bool
     reason: str
-    history: tuple[SweepRecord, ...]
-    before: Summary
-    after: Summary
+    history: tuple[SweepRecord, ...] = field(repr=False)
+    before: Summary = field(repr=False)
+    after: Summary = field(repr=False)
     seconds: float
 
     @property
@@ -164,6 +164,15 @@ class _Settings:
         return cast("Diagonal", "shorter" if self.split_quads is True else self.split_quads)
 
     def __post_init__(self) -> None:
+        for name, default in vars(_Settings).items():
+            value = getattr(self, name, None)
+            if isinstance(default, float) and not _is_number(value):
+                raise ValueError(f"{name} must be a number, got {value!r}")
+            if isinstance(default, bool) and name != "split_quads" and not isinstance(value, bool):
+                raise ValueError(f"{name} must be True or False, got {value!r}")
+        for name in ("bad_step", "target_quality", "time_limit"):
+            if getattr(self, name) is not None and not _is_number(getattr(self, name)):
+                raise ValueError(f"{name} must be a number, got {getattr(self, name)!r}")
         _require_integer("max_sweeps", self.max_sweeps, 0)
         _require(0.0 <= self.rtol < 1.0, "rtol must be in [0, 1)", self.rtol)
         for prefix in ("", "triangle_"):
@@ -322,7 +331,7 @@ def smooth(
     MeshError
         If a pair is no mesh.
     """
-    if method not in METHODS and method != "auto":
+    if not isinstance(method, str) or (method not in METHODS and method != "auto"):
         raise ValueError(f"method must be one of auto, {', '.join(METHODS)}; got {method!r}")
     mesh = as_mesh(mesh)
     chosen = ""
@@ -1224,6 +1233,10 @@ def _stored(mesh: Mesh, xy: FloatArray) -> Mesh:
         vertices = mesh.cell_vertices[np.repeat(lost, np.diff(mesh.cell_offsets))]
         moved[vertices] = False
         result = mesh._with_xy(xy, moved)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
 
 
 def _require(condition: bool, what: str, value: object) -> None:

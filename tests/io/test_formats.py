@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from qsmooth.errors import MeshError, MeshWarning
-from qsmooth.io import FORMATS, formats, from_meshio, read_mesh, to_meshio, write_mesh
+from qsmooth.io import FORMATS, format_of, formats, from_meshio, read_mesh, to_meshio, write_mesh
 from qsmooth.mesh import Mesh
 
 # Two quads and a triangle on six vertices and one that no cell uses:
@@ -640,6 +640,21 @@ def test_unknown_format(put):
         write_mesh("a.off", mesh, format="xyz")
     with pytest.raises(MeshError, match="unknown ending"):
         write_mesh("a.xyz", Mesh(np.array(POINTS, float), [np.array(QUADS)]))
+
+
+def test_an_ending_that_says_nothing_is_no_way_to_the_format_of_the_source(put, tmp_path):
+    mesh = read_mesh(put("a.txt", OBJ), format="obj")
+    for name in ("out", "out.txt", "out.TXT", "out.obj"):
+        assert format_of(tmp_path / name, mesh) == "obj"
+        write_mesh(tmp_path / name, mesh)
+        assert (tmp_path / name).read_text() == OBJ
+    for name in ("out.xyz", "out.ojb"):
+        with pytest.raises(MeshError, match=r"unknown ending '\.\w+', known are off, gmsh"):
+            write_mesh(tmp_path / name, mesh)
+        assert not (tmp_path / name).exists()
+    assert format_of(tmp_path / "out.xyz", mesh, format="off") == "off"
+    with pytest.raises(MeshError, match="unknown ending ''"):
+        format_of(tmp_path / "out", Mesh(np.array(POINTS, float), [np.array(QUADS)]))
 
 
 def test_a_file_with_a_wrong_ending_says_what_it_is(put):

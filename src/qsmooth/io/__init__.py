@@ -26,7 +26,7 @@ from qsmooth.io.files import read_bytes, write_bytes
 if TYPE_CHECKING:
     import meshio
 
-    from qsmooth.mesh import Mesh, Surface
+    from qsmooth.mesh import Mesh, MeshLike, Surface
 
 __all__ = ["format_of", "formats", "from_meshio", "read_mesh", "to_meshio", "write_mesh"]
 
@@ -99,7 +99,7 @@ def read_mesh(path: PathLike, *, surface: Surface = "auto", format: str | None =
     return mesh
 
 
-def write_mesh(path: PathLike, mesh: Mesh, *, format: str | None = None) -> None:
+def write_mesh(path: PathLike, mesh: MeshLike, *, format: str | None = None) -> None:
     """Write a mesh to a file, in one step: if it fails, an older file stays whole.
 
     Into the format it was read from, nothing but the coordinates that changed is new. What
@@ -107,6 +107,8 @@ def write_mesh(path: PathLike, mesh: Mesh, *, format: str | None = None) -> None
 
     Parameters
     ----------
+    mesh
+        A `Mesh`, or a pair ``(points, cells)``.
     path
         The format goes by the ending; where several share it, or there is none, by the file the
         mesh came from.
@@ -118,7 +120,9 @@ def write_mesh(path: PathLike, mesh: Mesh, *, format: str | None = None) -> None
     MeshError
         If the format is unknown or the file cannot be written.
     """
-    path = Path(path)
+    from qsmooth.mesh import as_mesh
+
+    path, mesh = Path(path), as_mesh(mesh)
     source = mesh._source if isinstance(mesh._source, Document) else None
     name = format_of(path, mesh, format=format)
     same_format = source is not None and source.format == name

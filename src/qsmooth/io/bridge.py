@@ -72,6 +72,8 @@ def write(document: Document, path: Path, name: str) -> list[str]:
         with _quiet() as said, _as_mesh_error(said, f"cannot write '{path}' as {name}"):
             meshio.write(temporary, mesh, file_format=name)
             back = meshio.read(temporary, file_format=name)
+        if np.ndim(back.points) != 2 or len(back.points) == 0:
+            raise MeshError(f"cannot write '{path}': format {name} holds none of these cells")
         lost.extend(_missing(mesh, back))
 
     try:

@@ -15,6 +15,8 @@ from qsmooth.errors import MeshError
 def read_bytes(path: Path) -> bytes:
     """All bytes of a file."""
     try:
+        if stat.S_ISCHR(path.stat().st_mode) or stat.S_ISBLK(path.stat().st_mode):
+            raise MeshError(f"cannot read '{path}': it is a device, which may never end")
         return path.read_bytes()
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
         raise MeshError(f"cannot read '{path}': {reason(error)}") from error
