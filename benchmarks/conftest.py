@@ -67,7 +67,7 @@ def pytest_terminal_summary(terminalreporter, config):
     if lines:
         import numba
 
-        terminalreporter.section("star against quad")
+        terminalreporter.section("ratios")
         terminalreporter.line(
             f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}, "
             f"numba {numba.__version__}, numpy {np.__version__}"

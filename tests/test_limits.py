@@ -1,5 +1,6 @@
 """How good the angles of a connectivity can get: by hand, against the slow version, and that no
-mesh beats it."""
+mesh beats it.
+"""
 
 import json
 import math

@@ -7,7 +7,7 @@ import pytest
 
 import reference
 from meshes import grid, random_mesh, tilt, turn_cells
-from qsmooth import Mesh, MeshError, Validity, quality, smooth_star
+from qsmooth import Mesh, MeshError, Validity, quality, smooth, smooth_star
 
 pytestmark = pytest.mark.nojit
 
@@ -464,3 +464,22 @@ def test_with_points_stays_in_the_plane():
         level.with_points(tilt(flat.points))
     moved = level.with_points(np.column_stack([flat.points, np.full(flat.n_vertices, 2.0)]))
     assert np.array_equal(moved.points[:, 2], np.full(flat.n_vertices, 2.0))
+
+
+def test_a_plane_is_as_exact_as_the_digits_of_the_boundary(tmp_path):
+    rng = np.random.default_rng(3)
+    axes = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    grid = np.array([(x, y) for y in range(5) for x in range(5)], dtype=float)
+    cells = [
+        (5 * j + i, 5 * j + i + 1, 5 * j + i + 6, 5 * j + i + 5) for j in range(4) for i in range(4)
+    ]
+    exact = np.c_[grid, np.zeros(25)] @ axes + (10.0, 20.0, -5.0)
+    exact[12] += 0.3 * axes[0]
+    for points in (exact, exact.astype(np.float32), exact.round(6), exact.round(4)):
+        result = smooth(Mesh(points, cells), "star")
+        assert result.after.worst["min_angle"] > 80.0
+        # What comes out is a mesh that can be read again.
+        Mesh(result.points, cells)
+    noisy = exact + 1e-6 * rng.normal(size=exact.shape)
+    with pytest.raises(MeshError, match="do not lie in one plane"):
+        Mesh(noisy, cells)

@@ -661,11 +661,27 @@ def test_a_step_at_the_optimum_changes_nothing():
     assert xy == pytest.approx(mesh.xy, abs=1e-12)
 
 
-def test_where_sweeps_would_creep_it_takes_steps_on_the_whole_mesh():
-    mesh = bump(100, height=0.5, width=0.15)
+def test_where_sweeps_would_creep_it_takes_steps_on_the_whole_mesh(monkeypatch):
+    # All interior columns pressed to the left: a change has to cross the whole mesh.
+    mesh = structured(60, 60)
+    x, y = mesh.points.T
+    inside = ~mesh.is_boundary[:, None]
+    mesh = mesh.with_points(np.where(inside, np.stack([x**4, y], axis=1), mesh.points))
     result = smooth_optimize(mesh)
     assert re.search(r"and \d+ Newton steps on the whole mesh", result.reason)
-    assert result.after.worst["scaled_jacobian"] > 0.6
+    assert result.after.worst["min_angle"] > 89.0
     assert all(record.n_invalid == 0 for record in result.history)
     check_no_worse(result)
     assert result.points.tobytes() == smooth_optimize(mesh, threads=2).points.tobytes()
+    mean = smooth_optimize(mesh, worst=False, max_sweeps=200)
+    monkeypatch.setattr(newton.GlobalNewton, "step", lambda self, xy: 0.0)
+    creeping = smooth_optimize(mesh, worst=False, max_sweeps=200)
+    assert mean.after.mean["shape"] > creeping.after.mean["shape"] + 0.01
+
+
+@pytest.mark.parametrize(("n", "height", "width"), [(40, 0.5, 0.15), (100, 0.5, 0.15)])
+def test_a_bump_is_mended(n, height, width):
+    result = smooth_optimize(bump(n, height=height, width=width))
+    check_no_worse(result)
+    assert result.before.worst["scaled_jacobian"] < 0.35
+    assert result.after.worst["scaled_jacobian"] > 0.6

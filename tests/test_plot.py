@@ -67,7 +67,7 @@ def test_comparison(mesh, result, view, metric):
     figure = plot_comparison(mesh, result, view=view, metric=metric)
     words = texts(figure)
     assert "Before" in words
-    assert "After (By star, 3 sweeps)" in words
+    assert "After (Optimise, 3 sweeps)" in words
     panels = figure.axes[:2]
     assert all(axes.get_aspect() == 1.0 for axes in panels)
     if view != "overlay":

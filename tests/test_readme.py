@@ -1,6 +1,7 @@
 """The README's commands and its example work as they stand."""
 
 import re
+import shlex
 from pathlib import Path
 
 import pytest
@@ -31,7 +32,7 @@ def test_shell_examples_use_options_that_exist(capsys):
     from qsmooth.cli import run
 
     lines = [line.partition("#")[0] for block in blocks("sh") for line in block.splitlines()]
-    calls = [line.split() for line in lines if line.startswith("qsmooth ")]
+    calls = [shlex.split(line) for line in lines if line.startswith("qsmooth ")]
     assert {words[1] for words in calls} == {"info", "quality", "smooth", "untangle", "compare"}
     for words in calls:
         assert run(words[1:]) == 2  # as the file is missing, and not for an unknown option

@@ -26,7 +26,7 @@ LARGEST_COORDINATE = 1e75
 SMALLEST_DIAMETER = 1e-75
 # Rounding beyond this fraction of the diameter is no excuse.
 MOST_ROUNDING = 1e-5
-# Coordinates that are all rounded, to at most so many digits or to float32, may leave it by that.
+# Points may leave it by the rounding of boundary coordinates with at most so many digits.
 FEW_DIGITS = 9
 # Tables hold vertex ids in 32 bits, and keep one for "none".
 LARGEST_COUNT = 2**32 - 2
@@ -83,7 +83,7 @@ class Mesh:
         fixed_mask = _checked_fixed(fixed, len(self._points))
         region_ids = _checked_regions(regions, sum(len(block) for block in blocks))
         self._topology = _Topology(len(self._points), blocks, fixed_mask, region_ids)
-        self._frame = _frame(self._points, self._topology.used, surface)
+        self._frame = _frame(self._points, self._topology, surface)
         self._xy = self._project(self._points)
         self._topology.orient(self._xy)
         self._source: object = None
@@ -195,7 +195,7 @@ class Mesh:
             if self._frame is not None:
                 _require_plane(corners, self._frame)
             elif not _is_level(corners):
-                _frame(new, self._topology.used, "auto")  # raises, unless the plane is another
+                _frame(new, self._topology, "auto")  # raises, unless the plane is another
                 raise MeshError("the points lie in another plane than the mesh's own")
         return self._at(new)
 
@@ -279,11 +279,21 @@ def as_mesh(mesh: MeshLike) -> Mesh:
 
 
 class _Frame:
-    """The plane of a mesh that is not in x and y: an origin and two unit axes, (2, 3)."""
+    """The plane of a mesh that is not in x and y: an origin and two unit axes, (2, 3).
 
-    def __init__(self, origin: FloatArray, axes: FloatArray, diameter: float) -> None:
+    Points may leave it by `tolerance`: a small fraction of the diameter, or more where the
+    coordinates are rounded. That is told by those on the boundary, which no smoothing moves.
+    """
+
+    def __init__(
+        self, origin: FloatArray, axes: FloatArray, diameter: float, boundary: FloatArray
+    ) -> None:
         self.origin, self.axes, self.diameter = origin, axes, diameter
         self.normal = np.cross(axes[0], axes[1])
+        self.tolerance = PLANE_TOLERANCE * diameter
+        if np.abs((boundary - origin) @ self.normal).max(initial=0.0) > self.tolerance:
+            rounding = min(_rounding(boundary), MOST_ROUNDING * diameter)
+            self.tolerance = max(self.tolerance, rounding)
 
 
 class Schedule:
@@ -605,11 +615,11 @@ def _checked_regions(regions: npt.ArrayLike | None, n_cells: int) -> IndexArray 
     return np.array(array, dtype=np.int64)
 
 
-def _frame(points: FloatArray, used: BoolArray, surface: Surface) -> _Frame | None:
+def _frame(points: FloatArray, topology: _Topology, surface: Surface) -> _Frame | None:
     """Find the plane of the used points; None where x and y are the plane's own coordinates."""
     if points.shape[1] == 2 or surface == "flat":
         return None
-    corners = points[used]
+    corners = points[topology.used]
     if _is_level(corners):
         return None
     low, high = corners.min(axis=0), corners.max(axis=0)
@@ -623,7 +633,7 @@ def _frame(points: FloatArray, used: BoolArray, surface: Surface) -> _Frame | No
     # Look at the plane from the side that its largest component faces.
     if normal[np.argmax(np.abs(normal))] < 0.0:
         axes[1] = -axes[1]
-    frame = _Frame(origin, axes[:2], diameter)
+    frame = _Frame(origin, axes[:2], diameter, points[topology.is_boundary])
     _require_plane(corners, frame)
     return frame
 
@@ -650,9 +660,7 @@ def _rounding(corners: FloatArray) -> float:
 
 def _require_plane(corners: FloatArray, frame: _Frame) -> None:
     off = np.abs((corners - frame.origin) @ frame.normal)
-    if off.max() > PLANE_TOLERANCE * frame.diameter and off.max() > min(
-        _rounding(corners), MOST_ROUNDING * frame.diameter
-    ):
+    if off.max() > frame.tolerance:
         raise MeshError(
             "the points do not lie in one plane: they leave it by up to "
             f"{off.max():.3g}, in a mesh {frame.diameter:.3g} across; if z is a value on a flat "

@@ -16,7 +16,7 @@ REFUSED = {
     "mesquite_paraboloid.vtk": "plane",
 }
 # What Mesh makes of a plane known to six digits is its own affair, and tested there.
-FLAT = {"river_mixed_z.obj", "odense_mixed_z.obj", "mesquite_plane_not_xy.vtk"}
+FLAT = {"river_mixed_z.obj", "odense_mixed_z.obj"}
 
 
 @pytest.fixture(scope="module")
@@ -185,7 +185,9 @@ def test_round_trip_of_every_file(shared_meshes, tmp_path):
         if name in REFUSED:
             continue
         path = shared_meshes / name
-        mesh = read_quietly(path, "flat" if name in FLAT else "auto")
+        # With six digits the one mesh in a tilted plane is in it by its boundary's rounding alone.
+        surface = "flat" if name in FLAT | {"mesquite_plane_not_xy.vtk"} else "auto"
+        mesh = read_quietly(path, surface)
         copy = tmp_path / name
         write_mesh(copy, mesh)
         assert copy.read_bytes() == path.read_bytes(), name
@@ -195,7 +197,7 @@ def test_round_trip_of_every_file(shared_meshes, tmp_path):
         moved = rng.choice(len(points), max(1, len(points) // 3), replace=False)
         points[moved, :2] += 1e-7 * rng.random((len(moved), 2))
         write_mesh(copy, mesh.with_points(points))
-        back = read_quietly(copy, "flat" if name in FLAT else "auto")
+        back = read_quietly(copy, surface)
         assert np.array_equal(back.points, points), name
         old, new = mesh._source, back._source
         assert [kind for kind, _ in new.blocks] == [kind for kind, _ in old.blocks]
