@@ -731,7 +731,11 @@ def compare(
         str,
         typer.Option(
             metavar="NAMES",
-            help="Methods, separated by commas.  [dim]\\[default: all][/dim]",
+            help=_with_default(
+                "Methods, separated by commas, out of optimize, star, quad, aspect-ratio, angle, "
+                "smart-laplacian, laplacian.",
+                "all",
+            ),
             rich_help_panel=METHOD,
             show_default=False,
         ),

@@ -13,6 +13,7 @@ import numpy as np
 from qsmooth._types import BoolArray, FloatArray
 from qsmooth.mesh import Mesh, Schedule
 from qsmooth.metrics import Quality, Validity
+from qsmooth.report import plural
 
 # Multiple of the Newton step that is tried first: neighbours follow the same way in their turn.
 RELAXATION = 1.7
@@ -323,7 +324,7 @@ def _untangle(blocks: Blocks, xy: FloatArray, progress: Progress) -> None:
     xy[:] = best_xy
     sweeps = progress.sweeps - first
     if best_count == 0:
-        progress.parts.append(f"untangled {given} cells in {sweeps} sweeps")
+        progress.parts.append(f"untangled {plural(given, 'cell')} in {plural(sweeps, 'sweep')}")
     else:
         progress.parts.append(_what_stays_invalid(blocks, xy, best_count, given))
 
@@ -354,8 +355,8 @@ def _mean_stage(
             if progress.worst and not gained:
                 break
     progress.parts.append(
-        f"improved the mean shape in {progress.sweeps - first} sweeps"
-        + (f" and {steps} Newton steps on the whole mesh" if steps else "")
+        f"improved the mean shape in {plural(progress.sweeps - first, 'sweep')}"
+        + (f" and {plural(steps, 'Newton step')} on the whole mesh" if steps else "")
     )
 
 
@@ -397,7 +398,7 @@ def _worst_stage(blocks: Blocks, xy: FloatArray, best: _Best, progress: Progress
             weight = 2.0 * weight if now.shape < best.floor() else max(1.0, 0.5 * weight)
             patience = WALL_PATIENCE if best.updates > updates else patience - 1
             updates = best.updates
-    progress.parts.append(f"then the worst cells in {progress.sweeps - first} sweeps")
+    progress.parts.append(f"then the worst cells in {plural(progress.sweeps - first, 'sweep')}")
 
 
 def _largest(badness: FloatArray) -> float:
@@ -430,7 +431,8 @@ def _what_stays_invalid(blocks: Blocks, xy: FloatArray, count: int, given: int) 
     invalid = Quality(blocks.mesh._at_xy(xy)).validity != Validity.VALID
     hopeless = _hopeless(blocks, xy)
     first = int(np.argmax(invalid))
-    text = f"{count} of {given} invalid cells stay invalid, the first is cell {first}"
+    stay = "stays" if count == 1 else "stay"
+    text = f"{count} of {plural(given, 'invalid cell')} {stay} invalid, the first is cell {first}"
     proven = int(hopeless.sum())
     if proven:
         text += (

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from qsmooth._types import BoolArray, FloatArray
 from qsmooth.mesh import Mesh, MeshLike, Schedule, as_mesh
 from qsmooth.metrics import Quality, Summary, Validity, limits, quality
+from qsmooth.report import plural
 
 if TYPE_CHECKING:
     from qsmooth.split import Diagonal
@@ -1142,7 +1143,8 @@ def _split_note(mesh: Mesh, settings: _Settings, n_lost: int) -> str:
     """Say how the quads were cut, and what that did to them."""
     n_quads = int((np.diff(mesh.cell_offsets) == 4).sum())
     return (
-        f"{n_quads} quads were smoothed as two triangles each, cut along the {settings.diagonal} "
+        f"{plural(n_quads, 'quad was', 'quads were')} smoothed as two triangles each, cut along the "
+        f"{settings.diagonal} "
         f"diagonal, which broke {n_lost if n_lost else 'none'} of them"
     )
 
@@ -1193,21 +1195,19 @@ def _reason(
         parts = ["no sweep was asked for"]
     else:
         parts = [
-            f"stopped after {len(history)} sweeps, as max_sweeps says; vertices still moved by "
+            f"stopped after {plural(len(history), 'sweep')}, as max_sweeps says; vertices still moved by "
             f"up to {100.0 * history[-1].largest_share:.2g} % of their shortest edge"
         ]
     if before.n_invalid:
         parts.append(
-            f"the mesh was not valid ({_cells(before.n_invalid)} of {before.n_cells} invalid) and "
-            f"{method.name} does not untangle: {_cells(after.n_invalid)} invalid now"
+            f"the mesh was not valid ({plural(before.n_invalid, 'cell')} of {before.n_cells} invalid) and "
+            f"{method.name} does not untangle: {plural(after.n_invalid, 'cell')} invalid now"
         )
     elif after.n_invalid and whole:
-        parts.append(f"{method.name} is unguarded: it made {_cells(after.n_invalid)} invalid")
+        parts.append(
+            f"{method.name} is unguarded: it made {plural(after.n_invalid, 'cell')} invalid"
+        )
     return "; ".join(parts)
-
-
-def _cells(n: int) -> str:
-    return f"{n} cell" if n == 1 else f"{n} cells"
 
 
 def _moved(mesh: Mesh, xy: FloatArray) -> BoolArray:
