@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TextIO
 import typer
 
 from qsmooth import __version__
+from qsmooth._words import plural
 from qsmooth.errors import MeshWarning
 
 if TYPE_CHECKING:
@@ -625,7 +626,7 @@ def untangle(
         "valid": n_invalid == 0,
         "before": result.before.to_dict(),
     }
-    failed = f"FAILED: {report.plural(n_invalid, 'cell')} of {result.after.n_cells} not valid"
+    failed = f"FAILED: {plural(n_invalid, 'cell')} of {result.after.n_cells} not valid"
     if not _write_json(json_file, facts):
         _heading(f"{mesh_file}: {report.size_text(result.before)}")
         _table(report.change_table(result.before, result.after))
@@ -1055,7 +1056,7 @@ def _show_outcome(result: SmoothResult, bounds: Limits | None = None) -> None:
     reason = result.reason
     if bounds is not None:
         reason = reason.removesuffix("; " + "; ".join(str(bounds).splitlines()))
-    sweeps = report.plural(result.sweeps, "sweep")
+    sweeps = plural(result.sweeps, "sweep")
     _text(
         f"{report.method_title(result.method)}: {sweeps} in {report.time_text(result.seconds)}; "
         f"{_in_options(reason)}."
@@ -1104,7 +1105,7 @@ def _limit(option: str, text: str) -> tuple[str, float]:
 
 def _check(measured: Quality, metric: str, limit: float, below: bool) -> dict[str, Any]:
     """Hold every cell to a limit."""
-    from qsmooth.report import METRIC_WORDS, metric_text, plural
+    from qsmooth.report import METRIC_WORDS, metric_text
 
     values = getattr(measured, metric)
     bad = values < limit if below else values > limit
@@ -1128,7 +1129,6 @@ def _check(measured: Quality, metric: str, limit: float, below: bool) -> dict[st
 
 
 def _check_validity(measured: Quality) -> dict[str, Any]:
-    from qsmooth.report import plural
 
     bad = measured.validity.nonzero()[0]
     text = "no cell is not valid"

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from qsmooth._types import IndexArray
+from qsmooth._words import plural
 from qsmooth.mesh import Mesh, MeshLike, as_mesh
 from qsmooth.metrics import Validity, quality
-from qsmooth.report import plural
 
 # A vertex hangs on an edge when it is this near to it, as a fraction of the edge's length: files
 # often keep no more than six or seven figures.

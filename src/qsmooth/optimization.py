@@ -11,9 +11,9 @@ from typing import TypeAlias
 import numpy as np
 
 from qsmooth._types import BoolArray, FloatArray
+from qsmooth._words import plural
 from qsmooth.mesh import Mesh, Schedule
 from qsmooth.metrics import Quality, Validity
-from qsmooth.report import plural
 
 # Multiple of the Newton step that is tried first: neighbours follow the same way in their turn.
 RELAXATION = 1.7
@@ -431,8 +431,7 @@ def _what_stays_invalid(blocks: Blocks, xy: FloatArray, count: int, given: int) 
     invalid = Quality(blocks.mesh._at_xy(xy)).validity != Validity.VALID
     hopeless = _hopeless(blocks, xy)
     first = int(np.argmax(invalid))
-    stay = "stays" if count == 1 else "stay"
-    text = f"{count} of {plural(given, 'invalid cell')} {stay} invalid, the first is cell {first}"
+    text = f"{count} of {given} invalid cells stay invalid, the first is cell {first}"
     proven = int(hopeless.sum())
     if proven:
         text += (

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import numpy as np
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray
+from qsmooth._words import plural
 from qsmooth.mesh import Mesh, as_mesh
 from qsmooth.metrics import HIGHER_IS_BETTER, Quality, Summary, quality
-from qsmooth.report import METRIC_WORDS, method_title, metric_text, plural
+from qsmooth.report import METRIC_WORDS, method_title, metric_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

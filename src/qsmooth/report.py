@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from qsmooth._words import plural
 from qsmooth.metrics import HIGHER_IS_BETTER, Histogram, Quality, Summary, Validity
 
 if TYPE_CHECKING:
@@ -441,11 +442,6 @@ def bar(share: float, length: int) -> str:
     eighths = math.ceil(min(max(share, 0.0), 1.0) * 8 * length - 1e-9)
     full, rest = divmod(eighths, 8)
     return (EIGHTHS[-1] * full + (EIGHTHS[rest - 1] if rest else "")).ljust(length)
-
-
-def plural(n: int, one: str, many: str = "") -> str:
-    """Count things: "1 cell", "3 cells"."""
-    return f"{n} {one if n == 1 else many or one + 's'}"
 
 
 @dataclass(frozen=True)

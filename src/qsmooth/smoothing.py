@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from qsmooth._types import BoolArray, FloatArray
+from qsmooth._words import plural
 from qsmooth.mesh import Mesh, MeshLike, Schedule, as_mesh
 from qsmooth.metrics import Quality, Summary, Validity, limits, quality
-from qsmooth.report import plural
 
 if TYPE_CHECKING:
     from qsmooth.split import Diagonal
@@ -1143,9 +1143,8 @@ def _split_note(mesh: Mesh, settings: _Settings, n_lost: int) -> str:
     """Say how the quads were cut, and what that did to them."""
     n_quads = int((np.diff(mesh.cell_offsets) == 4).sum())
     return (
-        f"{plural(n_quads, 'quad was', 'quads were')} smoothed as two triangles each, cut along the "
-        f"{settings.diagonal} "
-        f"diagonal, which broke {n_lost if n_lost else 'none'} of them"
+        f"{plural(n_quads, 'quad was', 'quads were')} smoothed as two triangles each, cut along "
+        f"the {settings.diagonal} diagonal, which broke {n_lost if n_lost else 'none'} of them"
     )
 
 
@@ -1195,13 +1194,14 @@ def _reason(
         parts = ["no sweep was asked for"]
     else:
         parts = [
-            f"stopped after {plural(len(history), 'sweep')}, as max_sweeps says; vertices still moved by "
-            f"up to {100.0 * history[-1].largest_share:.2g} % of their shortest edge"
+            f"stopped after {plural(len(history), 'sweep')}, as max_sweeps says; vertices still "
+            f"moved by up to {100.0 * history[-1].largest_share:.2g} % of their shortest edge"
         ]
     if before.n_invalid:
         parts.append(
-            f"the mesh was not valid ({plural(before.n_invalid, 'cell')} of {before.n_cells} invalid) and "
-            f"{method.name} does not untangle: {plural(after.n_invalid, 'cell')} invalid now"
+            f"the mesh was not valid ({plural(before.n_invalid, 'cell')} of {before.n_cells} "
+            f"invalid) and {method.name} does not untangle: "
+            f"{plural(after.n_invalid, 'cell')} invalid now"
         )
     elif after.n_invalid and whole:
         parts.append(
