@@ -234,6 +234,8 @@ class _Best:
             self.given = replace(self.given, shape=0.0)
         # The worst cells first: what to take where nothing keeps all four figures.
         self._trade: tuple[FloatArray, Figures] | None = None
+        # The best that was seen and cost too much.
+        self._too_dear = 0.0
 
     def offer(self, xy: FloatArray) -> Figures:
         """Measure coordinates, and keep them if they are the best."""
@@ -252,6 +254,8 @@ class _Best:
             if self._trade is None or now.better(then):
                 self.updates += now.free_jacobian > then.free_jacobian + LEAST_GAIN
                 self._trade = xy.copy(), now
+        elif now.n_invalid == 0 and now.worst_no_worse(self.given):
+            self._too_dear = max(self._too_dear, now.free_jacobian)
         return now
 
     def floor(self) -> float:
@@ -275,6 +279,12 @@ class _Best:
                 f"{self.given.shape:.3f} -> {self.figures.shape:.3f}"
             ]
         self.xy, self.figures = self._given_xy, self.given
+        if self._too_dear > self.given.free_jacobian + LEAST_TRADE:
+            return [
+                f"the worst cells could be better (smallest scaled Jacobian {self._too_dear:.2f}), "
+                "but at a cost to the mean shape that "
+                f"mean_loss={self.progress.mean_loss:g} forbids"
+            ]
         return ["nothing more was to gain"]
 
     def _measure(self, xy: FloatArray, quality: Quality) -> Figures:
@@ -298,11 +308,9 @@ def _untangle(blocks: Blocks, xy: FloatArray, progress: Progress) -> None:
     smallest = np.empty(mesh.n_cells)
     best_count, best_xy = _n_invalid(mesh, xy), xy.copy()
     given = best_count
-    if _hopeless(blocks, xy).sum() == best_count:
-        progress.parts.append(_what_stays_invalid(blocks, xy, best_count, given))
-        return
+    n_hopeless = int(_hopeless(blocks, xy).sum())
     floor, least, patience, first = 1e-4, -np.inf, UNTANGLE_PATIENCE, progress.sweeps
-    while best_count and not progress.spent():
+    while best_count > n_hopeless and not progress.spent():
         smallest_determinant(xy, *blocks.cells, sizes, smallest)
         worst = float(smallest.min())
         if worst > least + 1e-3 * abs(least):
@@ -339,12 +347,16 @@ def _mean_stage(
     """
     settled = MEAN_GAIN if progress.worst else SETTLED
     first, energy, steps, rounds = progress.sweeps, np.inf, 0, 0
+    best_shape, since = 0.0, 0
     while not progress.spent() and not best.reached_target():
         blocks.newton(xy, 1.0, np.inf, 1, progress)
         rounds += 1
         before, energy = energy, _total(blocks.energy(xy)[1])
-        best.offer(xy)
-        if energy >= before * (1.0 - settled):
+        shape = best.offer(xy).shape
+        # The energy counts bad cells for more than the mean of the shapes does: where the one
+        # falls at the other's cost there is no more to gain here.
+        best_shape, since = max(best_shape, shape), 0 if shape > best_shape else since + 1
+        if energy >= before * (1.0 - settled) or since >= MEAN_ROUNDS:
             break
         if rounds % MEAN_ROUNDS == 0:
             gained = 0
