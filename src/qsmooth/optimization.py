@@ -200,8 +200,6 @@ def optimize(mesh: Mesh, schedule: Schedule, progress: Progress) -> FloatArray:
     _mean_stage(blocks, xy, schedule, best, progress)
     if progress.worst and not best.reached_target():
         _worst_stage(blocks, xy, best, progress)
-    if best.given.n_invalid == 0 and not best.gained():
-        _even_out(schedule, best, progress)
     progress.parts += best.settle()
     return best.xy
 
@@ -269,22 +267,12 @@ class _Best:
         target = self.progress.target_quality
         return target is not None and self.figures.free_jacobian >= target
 
-    def gained(self) -> bool:
-        """Whether something better than what was given is at hand."""
-        return self.figures.gain(self.given) >= LEAST_GAIN or self._worth_trading() is not None
-
-    def _worth_trading(self) -> tuple[FloatArray, Figures] | None:
-        trade = self._trade
-        if trade and trade[1].free_jacobian > self.given.free_jacobian + LEAST_TRADE:
-            return trade
-        return None
-
     def settle(self) -> list[str]:
         """Settle on the result, and say what it had to give up."""
         if self.figures.gain(self.given) >= LEAST_GAIN:
             return []
-        trade = self._worth_trading()
-        if trade is not None:
+        trade = self._trade
+        if trade and trade[1].free_jacobian > self.given.free_jacobian + LEAST_TRADE:
             self.xy, self.figures = trade
             return [
                 "the worst cells went first, as not all figures could be had: mean shape "
@@ -407,34 +395,6 @@ def _global_steps(xy: FloatArray, schedule: Schedule, best: _Best, progress: Pro
 
 def _total(energy: FloatArray) -> float:
     return float(energy[np.isfinite(energy)].sum())
-
-
-def _even_out(schedule: Schedule, best: _Best, progress: Progress) -> None:
-    """Move vertices towards the mean of their neighbours, guarded, from where the mesh was given.
-
-    For meshes whose energy has nothing to gain but at the mean shape's cost: they are warped as
-    a whole, by their boundary.
-    """
-    from qsmooth.kernels.laplacian import smart_laplacian_sweep
-
-    mesh, first = best.blocks.mesh, progress.sweeps
-    trial = best.xy.copy()
-    moves, shares = best.blocks.moves, np.empty_like(best.blocks.moves)
-    shape = best.given.shape
-    while not progress.spent():
-        for _ in range(progress.next_round()):
-            smart_laplacian_sweep(
-                trial, mesh.ring_offsets, mesh.ring_vertices, schedule.colour_offsets,
-                schedule.vertices, schedule.offsets, schedule.corners,
-                best.given.scaled_jacobian, moves, shares,
-            )  # fmt: skip
-            progress.sweeps += 1
-        now = best.offer(trial)
-        if now.shape < shape + LEAST_GAIN:
-            break
-        shape = now.shape
-    if best.gained():
-        progress.parts.append(f"evened it out in {plural(progress.sweeps - first, 'sweep')}")
 
 
 def _worst_stage(blocks: Blocks, xy: FloatArray, best: _Best, progress: Progress) -> None:
