@@ -64,14 +64,16 @@ def _add_corner(
     f = (uu + ww) * inv
     fx, fy = (ux + wx - f * dx) * inv, (uy + wy - f * dy) * inv
     # |u| |w| / det lies under (|u|² t + |w|² / t) / (2 det) for every t > 0, and touches it at the
-    # t taken here. That bound is convex: what lowers it lowers the energy.
-    t = math.sqrt(ww / uu)
-    inv_t = 1.0 / t
-    g = (uu * t + ww * inv_t) * inv
+    # t = |w| / |u| taken here. That bound is convex: what lowers it lowers the energy. Two divisions
+    # a corner are enough for all of it, which is a fifth of the time of a sweep.
+    root = math.sqrt(uu * ww)
+    inv_root = 1.0 / root
+    t, inv_t = ww * inv_root, uu * inv_root
+    g, inv_g = 2.0 * root * inv, 0.5 * det * inv_root
     gx, gy = (ux * t + wx * inv_t - g * dx) * inv, (uy * t + wy * inv_t - g * dy) * inv
     high = _power(g * inv_limit, squarings)
-    slope = power * high / g
-    second = (power - 1.0) * slope / g
+    slope = power * high * inv_g
+    second = (power - 1.0) * slope * inv_g
     s[ENERGY + i] += mean_weight * f + high
     s[GX + i] += mean_weight * fx + slope * gx
     s[GY + i] += mean_weight * fy + slope * gy
@@ -187,8 +189,9 @@ def _try_corner(
 ) -> None:  # fmt: skip
     """Add a corner's energy, and keep the least margin by which its area is certified positive."""
     det = left - right
-    s[TRIAL + i] += mean_weight * 0.5 * (uu + ww) / det + _power(
-        math.sqrt(uu * ww) / det * inv_limit, squarings
+    inv = 1.0 / det
+    s[TRIAL + i] += mean_weight * 0.5 * (uu + ww) * inv + _power(
+        math.sqrt(uu * ww) * inv * inv_limit, squarings
     )
     margin = det - (ORIENTATION_BOUND * (abs(left) + abs(right)) + UNDERFLOW_BOUND)
     s[MARGIN + i] = margin if margin < s[MARGIN + i] else s[MARGIN + i]
@@ -232,10 +235,10 @@ def _try_triangle(
         va, vc, ee = ux * ux + uy * uy, wx * wx + wy * wy, ex * ex + ey * ey
         limit = inv_limit * SINE_60
         _try_corner(ux * wy, uy * wx, va, vc, 0.0, limit, squarings, s, i)
-        det = ux * wy - uy * wx
-        s[TRIAL + i] += mean_weight * 0.5 * INV_ROOT3 * (va + vc + ee) / det
-        s[TRIAL + i] += _power(math.sqrt(ee * va) / det * limit, squarings)
-        s[TRIAL + i] += _power(math.sqrt(ee * vc) / det * limit, squarings)
+        inv = 1.0 / (ux * wy - uy * wx)
+        s[TRIAL + i] += mean_weight * 0.5 * INV_ROOT3 * (va + vc + ee) * inv
+        s[TRIAL + i] += _power(math.sqrt(ee * va) * inv * limit, squarings)
+        s[TRIAL + i] += _power(math.sqrt(ee * vc) * inv * limit, squarings)
 
 
 @helper()
