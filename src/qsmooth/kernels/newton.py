@@ -64,8 +64,8 @@ def _add_corner(
     f = (uu + ww) * inv
     fx, fy = (ux + wx - f * dx) * inv, (uy + wy - f * dy) * inv
     # |u| |w| / det lies under (|u|² t + |w|² / t) / (2 det) for every t > 0, and touches it at the
-    # t = |w| / |u| taken here. That bound is convex: what lowers it lowers the energy. Two divisions
-    # a corner are enough for all of it, which is a fifth of the time of a sweep.
+    # t = |w| / |u| taken here. That bound is convex: what lowers it lowers the energy. It all takes
+    # two divisions a corner; with five a sweep was a fifth slower.
     root = math.sqrt(uu * ww)
     inv_root = 1.0 / root
     t, inv_t = ww * inv_root, uu * inv_root
