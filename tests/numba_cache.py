@@ -1,7 +1,8 @@
-"""A folder of its own for Numba's cache in each state of the sources.
+"""A folder of its own for Numba's cache in each state of the kernels.
 
 Numba's cache sees an edit to a kernel's own file, not to a helper it calls, and ignores the
-bounds-check flag: without this a broken helper would pass the suite.
+bounds-check flag: without this a broken helper would pass the suite. Kernels import nothing but
+each other and the array types, so an edit anywhere else costs no compilation.
 """
 
 import hashlib
@@ -19,7 +20,7 @@ def key_cache() -> Path:
     package = Path(spec.origin).parent
     digest = hashlib.sha256(os.environ.get("NUMBA_BOUNDSCHECK", "").encode())
     digest.update(str(package).encode())
-    for path in sorted(package.rglob("*.py")):
+    for path in (package / "_types.py", *sorted((package / "kernels").rglob("*.py"))):
         digest.update(str(path.relative_to(package)).encode())
         digest.update(path.read_bytes())
     folder = Path(tempfile.gettempdir()) / f"qsmooth-numba-{os.getuid()}" / digest.hexdigest()[:16]
