@@ -47,7 +47,7 @@ def by_reading(
     `power` weights the mean, `rule` forbids the star's largest ratio to rise, and `order` is
     ``"colours"``, ``"at once"`` (all propose, then all follow) or ``"worst first"``.
     """
-    schedule = mesh._topology.schedule(True)
+    schedule = mesh.topology.schedule(True)
     vertices, offsets, corners = schedule.vertices, schedule.offsets, schedule.corners
     tolerated = threshold if rule else math.inf
     good = max(GOOD_SCALED_JACOBIAN, float(qsmooth.quality(mesh).scaled_jacobian.min()))

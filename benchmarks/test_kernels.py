@@ -39,7 +39,7 @@ def test_angles(benchmark, mesh, note, threads):
 
 
 def sweep_arguments(mesh):
-    schedule = mesh._topology.schedule(True)
+    schedule = mesh.topology.schedule(True)
     n = schedule.vertices.size
     return schedule, mesh.xy.copy(), np.empty(n), np.empty(n), np.ones(mesh.n_cells, np.bool_)
 
@@ -113,7 +113,7 @@ def test_incidence(benchmark, mesh, note, name):
 
 def test_rings(benchmark, mesh, note):
     note(mesh)
-    arguments = mesh.n_vertices, mesh.cell_offsets, mesh.cell_vertices, mesh._topology.twins
+    arguments = mesh.n_vertices, mesh.cell_offsets, mesh.cell_vertices, mesh.topology.twins
     run(benchmark, topology.rings, arguments, 1)
 
 
@@ -137,8 +137,8 @@ def test_schedule_of_a_million_quads(benchmark, note, smoke):
     mesh = Mesh(points, cells)
 
     def schedule():
-        mesh._topology._schedules.clear()
-        return mesh._topology.schedule(True)
+        mesh.topology._schedules.clear()
+        return mesh.topology.schedule(True)
 
     schedule()
     benchmark.pedantic(schedule, rounds=3)

@@ -176,7 +176,7 @@ class Case:
 
     def __init__(self, mesh, epsilon):
         self.mesh, self.epsilon = mesh, epsilon
-        self.schedule = s = mesh._topology.schedule(True)
+        self.schedule = s = mesh.topology.schedule(True)
         colour_blocks, blocks, vertices, stars, _ = build_blocks(
             s.colour_offsets, s.vertices, s.offsets, s.corners
         )

@@ -21,7 +21,7 @@ def test_method(benchmark, mesh, note, method, threads):
     call()
     seconds = []
     benchmark.pedantic(lambda: seconds.append(call().seconds), rounds=3)
-    n_movable = mesh._topology.schedule(True).vertices.size
+    n_movable = mesh.topology.schedule(True).vertices.size
     updates = n_movable * SWEEPS / min(seconds)
     note(mesh, threads, sweeps=SWEEPS, updates_per_second=round(updates))
 

@@ -29,7 +29,7 @@ def run(benchmark, kernel, arguments, threads):
 
 
 def sweep_arguments(mesh):
-    schedule = mesh._topology.schedule(True)
+    schedule = mesh.topology.schedule(True)
     moves, shares = np.empty((2, schedule.vertices.size))
     table = schedule.vertices, schedule.offsets, schedule.corners
     return schedule, mesh.xy.copy(), table, moves, shares
@@ -92,7 +92,13 @@ def test_smart_centroid_sweep(benchmark, triangles, note, threads):
 def test_size_jump(benchmark, triangles, note, threads):
     note(triangles, threads)
     out = np.empty(triangles.n_cells)
-    arguments = quality(triangles).area, triangles.cell_offsets, *triangles._neighbours, out
+    arguments = (
+        quality(triangles).area,
+        triangles.cell_offsets,
+        triangles.topology.given_twins,
+        triangles.topology.corner_cells,
+        out,
+    )
     run(benchmark, uniformity.size_jump, arguments, threads)
 
 

@@ -13,7 +13,7 @@ def test_spiral_is_one_band_of_valid_quads(n_quads, seed):
     mesh = Mesh(*spiral(n_quads, seed=seed))
     assert mesh.n_cells == pytest.approx(n_quads, rel=0.05)
     assert quality(mesh).n_invalid == 0
-    assert mesh._topology.n_parts == 1
+    assert mesh.topology.n_parts == 1
     # A disc: vertices - edges + cells = 1.
     n_edges = mesh.ring_vertices.size // 2
     assert mesh.n_vertices - n_edges + mesh.n_cells == 1

@@ -110,11 +110,11 @@ def test_the_lake(n_quads):
     assert (summary.n_triangles, summary.n_invalid) == (0, 0)
     assert summary.worst["max_angle"] > 178.0
     n_loops, pinched = boundary_loops(
-        mesh.n_vertices, mesh.cell_offsets, mesh.cell_vertices, mesh._topology.twins
+        mesh.n_vertices, mesh.cell_offsets, mesh.cell_vertices, mesh.topology.twins
     )
     assert n_loops == 7  # the shore and six islands
     assert not pinched.any()
-    assert mesh._topology.n_parts == 1
+    assert mesh.topology.n_parts == 1
     assert not mesh.is_fixed[~mesh.is_boundary].any()  # no vertex is in no cell
     area = quality(mesh).area
     assert area.max() > 20.0 * area.min()  # graded
@@ -124,7 +124,7 @@ def test_other_lakes_are_whole_too():
     for seed in range(4):
         mesh = examples.lake(2000, seed=seed)
         assert quality(mesh).n_invalid == 0
-        assert mesh._topology.n_parts == 1
+        assert mesh.topology.n_parts == 1
     smoothed = examples.lake(2000, jitter=0.0)
     assert quality(smoothed).max_angle.max() < quality(mesh).max_angle.max()
 

@@ -206,7 +206,7 @@ def test_the_angle_sum_of_a_cell_is_named_as_such():
 
 def movable(mesh):
     free = np.zeros(mesh.n_vertices, np.bool_)
-    free[mesh._topology.schedule(True).vertices] = True
+    free[mesh.topology.schedule(True).vertices] = True
     return free
 
 

@@ -590,7 +590,7 @@ def test_a_mesh_in_space_stays_in_its_plane():
 
 
 def solver(mesh):
-    return newton.GlobalNewton(mesh, mesh._topology.schedule(True))
+    return newton.GlobalNewton(mesh, mesh.topology.schedule(True))
 
 
 def warped(n=24, kind="quad"):
@@ -606,7 +606,7 @@ def energy(mesh, xy):
 
     worst, total = np.empty((2, mesh.n_cells))
     movable = np.zeros(mesh.n_vertices, np.bool_)
-    movable[mesh._topology.schedule(True).vertices] = True
+    movable[mesh.topology.schedule(True).vertices] = True
     cell_energy(xy, mesh.cell_offsets, mesh.cell_vertices, movable, worst, total)
     return float((total * np.where(np.diff(mesh.cell_offsets) == 3, 1.0, 4.0)).sum())
 

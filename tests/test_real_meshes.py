@@ -83,7 +83,7 @@ def test_valid_stays_valid_and_the_worst_cell_never_gets_worse(shared_meshes, fi
     before = quality(mesh)
     assert before.n_invalid == 0
     # In a tilted plane the stored coordinates are rounded once more than what was measured.
-    slack = 1e-12 if mesh._frame is not None else 0.0
+    slack = 1e-12 if mesh.plane is not None else 0.0
     for options in OPTIONS:
         for method in GUARDED:
             if method == "smart-laplacian" and options.keys() - {"guard"}:

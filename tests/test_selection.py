@@ -126,7 +126,7 @@ def groups(points, cells, fraction):
 def test_the_worst_group_goes_first_then_the_rest_then_all(kind, method):
     mesh = random_mesh(kind, 6, seed=4, amount=0.9).mesh
     points, cells = reference.as_complex(mesh.xy), reference.as_lists(mesh)
-    order = mesh._topology.schedule(True).vertices.tolist()
+    order = mesh.topology.schedule(True).vertices.tolist()
     good = max(0.5, min(reference.scaled_jacobian(points, cell) for cell in cells))
     sweep = reference.star_sweep if method == "star" else reference.quad_sweep
     for group in ("worst", "rest", "all", "all"):
@@ -277,7 +277,7 @@ def test_the_worst_group_of_a_selection_is_among_the_selected(mesh, rings):
     points, cells = reference.as_complex(mesh.xy), reference.as_lists(mesh)
     ranked = sorted(chosen, key=lambda c: -max(reference.angles(points, cells[c])))
     active = set(ranked[: math.ceil(0.3 * len(ranked))])
-    order = mesh._topology.schedule(True, vertices_of(mesh, marked)).vertices.tolist()
+    order = mesh.topology.schedule(True, vertices_of(mesh, marked)).vertices.tolist()
     options = reference.Options(good=0.5, active=active, step=0.25)
     expected = [(z.real, z.imag) for z in reference.star_sweep(points, cells, order, options)]
     result = smooth(

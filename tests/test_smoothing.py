@@ -436,7 +436,7 @@ def test_disconnected_parts_are_each_on_their_own():
         np.concatenate([one.points, two.points + 1000.0]),
         [*one.cells, *(block[:, ::-1] + n for block in two.cells)],
     )
-    assert both._topology.n_parts == 2
+    assert both.topology.n_parts == 2
     result = smooth_star(both, max_sweeps=5, rtol=0.0, guard="clearance")
     alone = smooth_star(one.mesh, max_sweeps=5, rtol=0.0, guard="clearance")
     np.testing.assert_allclose(result.points[:n], alone.points, atol=1e-10)
@@ -455,7 +455,7 @@ def test_what_is_valid_by_a_hair_in_a_tilted_plane_is_valid_as_it_is_stored():
         xy = mesh.xy.copy()
         for hair in (1e-15, 1e-14, 1e-11):
             xy[4] = 0.3 * a + 0.7 * b + hair * (mesh.xy[8] - mesh.xy[0])
-            if quality(mesh._at_xy(xy)).n_invalid:
+            if quality(mesh.with_points(xy)).n_invalid:
                 continue
             result = smoothing._stored(mesh, xy.copy())
             assert quality(result).n_invalid == 0

@@ -88,7 +88,7 @@ def test_fixed_vertices_interfaces_and_orphans_stay(name):
 @pytest.mark.parametrize("file", VALID)
 def test_every_real_mesh(shared_meshes, file):
     mesh = read(shared_meshes, file)
-    slack = 1e-12 if mesh._frame is not None else 0.0
+    slack = 1e-12 if mesh.plane is not None else 0.0
     rests = mesh.is_fixed | mesh.is_interface
     for name in [*GUARDED, *UNGUARDED]:
         result = run(mesh, name, max_sweeps=3, rtol=0.0)

@@ -125,7 +125,7 @@ def inspect(mesh: MeshLike) -> Inspection:
     from qsmooth.kernels.topology import boundary_loops
 
     mesh = as_mesh(mesh)
-    topology = mesh._topology
+    topology = mesh.topology
     sizes = np.diff(mesh.cell_offsets)
     twins = topology.twins
     n_loops, pinched = boundary_loops(mesh.n_vertices, mesh.cell_offsets, mesh.cell_vertices, twins)
@@ -137,7 +137,7 @@ def inspect(mesh: MeshLike) -> Inspection:
     if mesh.regions is not None:
         ids, counts = np.unique(mesh.regions, return_counts=True)
         regions = dict(zip(ids.tolist(), counts.tolist(), strict=True))
-    source = mesh._source
+    source = mesh.source
     findings = (
         _list("orphan vertices", "in no cell", np.flatnonzero(~topology.used), "vertex"),
         _coincident(mesh),
@@ -161,7 +161,7 @@ def inspect(mesh: MeshLike) -> Inspection:
         n_vertices=mesh.n_vertices,
         n_quads=int((sizes == 4).sum()),
         n_triangles=int((sizes == 3).sum()),
-        n_lines=len(mesh._lines),
+        n_lines=len(mesh.topology.lines),
         n_edges=(int(mesh.cell_offsets[-1]) + n_boundary) // 2,
         n_boundary_edges=n_boundary,
         n_boundary_loops=int(n_loops),
@@ -187,7 +187,7 @@ def _list(name: str, meaning: str, ids: IndexArray, kind: str) -> Finding:
 
 def _coincident(mesh: Mesh) -> Finding:
     """Vertices of cells at exactly the same place, in groups; orphans are left out."""
-    ids = np.flatnonzero(mesh._topology.used)
+    ids = np.flatnonzero(mesh.topology.used)
     xy = mesh.xy[ids]
     order = np.lexsort(xy.T[::-1])
     xy, ids = xy[order], ids[order]
@@ -208,7 +208,7 @@ def _coincident(mesh: Mesh) -> Finding:
 
 
 def _zero_edges(mesh: Mesh) -> Finding:
-    edges = _edges(mesh, mesh._topology.twins, every=True)
+    edges = _edges(mesh, mesh.topology.twins, every=True)
     same = (mesh.xy[edges[:, 0]] == mesh.xy[edges[:, 1]]).all(axis=1)
     found = sorted({tuple(sorted(edge)) for edge in edges[same].tolist()})
     return Finding(
@@ -222,7 +222,7 @@ def _hanging(mesh: Mesh, twins: IndexArray) -> Finding:
 
     edges = _edges(mesh, twins)
     vertices = np.flatnonzero(mesh.is_boundary)
-    axis = int(np.argmax(np.ptp(mesh.xy[mesh._topology.used], axis=0)))
+    axis = int(np.argmax(np.ptp(mesh.xy[mesh.topology.used], axis=0)))
     vertices = vertices[np.argsort(mesh.xy[vertices, axis], kind="stable")]
     found = np.empty(vertices.size, np.int64)
     hanging_nodes(mesh.xy, edges, vertices, HANGING_TOLERANCE, axis, found)
@@ -241,7 +241,7 @@ def _parts(mesh: Mesh) -> Finding:
     """Parts beyond the first, which no edge joins to it; each by its first cell."""
     from qsmooth.kernels.topology import orient_parts
 
-    _, parts, n_parts, _ = orient_parts(mesh.cell_offsets, mesh.cell_vertices, mesh._topology.twins)
+    _, parts, n_parts, _ = orient_parts(mesh.cell_offsets, mesh.cell_vertices, mesh.topology.twins)
     first = np.unique(parts, return_index=True)[1]
     return Finding(
         "disconnected parts",
@@ -264,8 +264,8 @@ def _edges(mesh: Mesh, twins: IndexArray, *, every: bool = False) -> IndexArray:
 def _plane(mesh: Mesh) -> str:
     if mesh.points.shape[1] == 2:
         return "2D"
-    z = mesh.points[mesh._topology.used, 2]
-    if mesh._frame is not None:
+    z = mesh.points[mesh.topology.used, 2]
+    if mesh.plane is not None:
         return "3D, a tilted plane"
     if z.min() == z.max():
         return f"3D, z = {z[0]:.6g}"

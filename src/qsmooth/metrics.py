@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from qsmooth._types import FloatArray, IndexArray
-from qsmooth.mesh import Mesh, MeshLike, as_mesh
+from qsmooth.mesh import MeshLike, as_mesh
+from qsmooth.topology import Topology
 
 
 class Validity(IntEnum):
@@ -183,25 +184,28 @@ class Quality:
     ratios in the literature.
     """
 
-    def __init__(self, mesh: Mesh) -> None:
-        self._mesh = mesh
-        self._arguments = mesh.xy, mesh.cell_offsets, mesh.cell_vertices
+    def __init__(
+        self, topology: Topology, xy: FloatArray, points: FloatArray | None = None
+    ) -> None:
+        self.topology, self.xy = topology, xy
+        self.points = xy if points is None else points
+        self._arguments = xy, *topology.cells
 
     def __repr__(self) -> str:
-        return f"Quality of {self._mesh!r}"
+        return f"Quality of {self.topology.n_cells} cells"
 
     @cached_property
     def _angles(self) -> tuple[FloatArray, FloatArray]:
         from qsmooth.kernels.cell_metrics import angles
 
-        smallest, largest = np.empty(self._mesh.n_cells), np.empty(self._mesh.n_cells)
+        smallest, largest = np.empty(self.topology.n_cells), np.empty(self.topology.n_cells)
         angles(*self._arguments, smallest, largest)
         return smallest, largest
 
     def _measure(self, name: str) -> FloatArray:
         from qsmooth.kernels import cell_metrics
 
-        out = np.empty(self._mesh.n_cells)
+        out = np.empty(self.topology.n_cells)
         getattr(cell_metrics, name)(*self._arguments, out)
         return out
 
@@ -220,7 +224,7 @@ class Quality:
         """Smallest and largest angle of the mesh, degrees; quicker than by way of all cells'."""
         from qsmooth.kernels.cell_metrics import angles, diamond_angles
 
-        smallest, largest = np.empty(self._mesh.n_cells), np.empty(self._mesh.n_cells)
+        smallest, largest = np.empty(self.topology.n_cells), np.empty(self.topology.n_cells)
         diamond_angles(*self._arguments, smallest, largest)
         xy, offsets, vertices = self._arguments
         low, high = np.empty(2), np.empty(2)
@@ -267,8 +271,14 @@ class Quality:
         """
         from qsmooth.kernels.uniformity import size_jump
 
-        out = np.empty(self._mesh.n_cells)
-        size_jump(self.area, self._mesh.cell_offsets, *self._mesh._neighbours, out)
+        out = np.empty(self.topology.n_cells)
+        size_jump(
+            self.area,
+            self.topology.cell_offsets,
+            self.topology.given_twins,
+            self.topology.corner_cells,
+            out,
+        )
         return out
 
     @cached_property
@@ -276,7 +286,7 @@ class Quality:
         """Class of each cell, as `Validity`, decided in exact arithmetic."""
         from qsmooth.kernels import cell_metrics
 
-        out = np.empty(self._mesh.n_cells, np.int64)
+        out = np.empty(self.topology.n_cells, np.int64)
         cell_metrics.validity(*self._arguments, out)
         return out
 
@@ -287,7 +297,7 @@ class Quality:
 
     def summary(self) -> Summary:
         """Sum up: extremes, means and histograms."""
-        sizes = np.diff(self._mesh.cell_offsets)
+        sizes = self.topology.cell_sizes
         metrics = {name: getattr(self, name) for name in HIGHER_IS_BETTER}
         finite = self.aspect_ratio[np.isfinite(self.aspect_ratio)]
         mean = {name: float(values.mean()) for name, values in metrics.items()}
@@ -295,7 +305,7 @@ class Quality:
         classes = np.bincount(self.validity, minlength=len(Validity))
         has_triangles = bool((sizes == 3).any())
         return Summary(
-            n_vertices=self._mesh.n_vertices,
+            n_vertices=self.topology.n_vertices,
             n_quads=int((sizes == 4).sum()),
             n_triangles=int((sizes == 3).sum()),
             area=float(self.area.sum()),
@@ -342,14 +352,12 @@ class Quality:
         values = getattr(self, by)
         badness = -values if HIGHER_IS_BETTER[by] else values
         cells = np.argsort(-badness, kind="stable")[:k]
-        offsets, vertices = self._mesh.cell_offsets, self._mesh.cell_vertices
-        centres = [
-            self._mesh.points[vertices[offsets[c] : offsets[c + 1]]].mean(axis=0) for c in cells
-        ]
+        offsets, vertices = self.topology.cells
+        centres = [self.points[vertices[offsets[c] : offsets[c + 1]]].mean(axis=0) for c in cells]
         return WorstCells(
             metric=by,
             cells=cells,
-            centres=np.array(centres).reshape(len(cells), self._mesh.points.shape[1]),
+            centres=np.array(centres).reshape(len(cells), self.points.shape[1]),
             values={name: getattr(self, name)[cells] for name in HIGHER_IS_BETTER},
         )
 
@@ -373,7 +381,8 @@ def quality(mesh: MeshLike) -> Quality:
     MeshError
         If a pair is no mesh.
     """
-    return Quality(as_mesh(mesh))
+    mesh = as_mesh(mesh)
+    return Quality(mesh.topology, mesh.xy, mesh.points)
 
 
 def _histogram(values: FloatArray, edges: npt.NDArray[Any]) -> Histogram:
@@ -458,22 +467,18 @@ def limits(mesh: MeshLike, *, keep_interfaces: bool = True) -> Limits:
     valid mesh these angles add up to θ, so their mean is θ / d.
     """
     from qsmooth.kernels.fans import angle_bounds
-    from qsmooth.kernels.topology import corner_cells, stars
 
     mesh = as_mesh(mesh)
-    topology = mesh._topology
-    movable = np.zeros(mesh.n_vertices, np.bool_)
-    movable[topology.schedule(keep_interfaces).vertices] = True
-    offsets, _, corners = stars(mesh.n_vertices, mesh.cell_offsets, mesh.cell_vertices)
+    topology = mesh.topology
     smallest, largest = np.empty(mesh.n_vertices), np.empty(mesh.n_vertices)
     angle_bounds(
-        mesh.xy, mesh.cell_offsets, mesh.cell_vertices, corner_cells(mesh.cell_offsets),
-        topology.twins, offsets, corners, movable, smallest, largest,
+        mesh.xy, *topology.cells, topology.corner_cells, topology.twins, topology.star_offsets,
+        topology.star_corners, topology.movable(keep_interfaces), smallest, largest,
     )  # fmt: skip
-    sizes = np.diff(mesh.cell_offsets)
+    sizes = topology.cell_sizes
     by_sum = 60.0 if (sizes == 3).any() else 90.0, 90.0 if (sizes == 4).any() else 60.0
     low, high = int(np.argmin(smallest)), int(np.argmax(largest))
-    now = Quality(mesh)
+    now = quality(mesh)
     return Limits(
         min_angle=float(min(by_sum[0], smallest[low])),
         max_angle=float(max(by_sum[1], largest[high])),

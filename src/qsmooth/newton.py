@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from qsmooth._types import FloatArray
-from qsmooth.mesh import Mesh, Schedule
+from qsmooth.mesh import Mesh
 from qsmooth.metrics import Quality
+from qsmooth.topology import Schedule
 
 if TYPE_CHECKING:
     from scipy.sparse import bsr_matrix
@@ -76,7 +77,7 @@ class GlobalNewton:
         for k in range(HALVINGS):
             trial[self.vertices] = xy[self.vertices] + 0.5**k * direction
             after = self._energy(trial)
-            if after < before and Quality(mesh._at_xy(trial)).n_invalid == 0:
+            if after < before and Quality(mesh.topology, trial).n_invalid == 0:
                 xy[:] = trial
                 return 1.0 - after / before
         return 0.0

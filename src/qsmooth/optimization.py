@@ -12,8 +12,9 @@ import numpy as np
 
 from qsmooth._types import BoolArray, FloatArray
 from qsmooth._words import plural
-from qsmooth.mesh import Mesh, Schedule
+from qsmooth.mesh import Mesh
 from qsmooth.metrics import Quality, Validity
+from qsmooth.topology import Schedule
 
 # Multiple of the Newton step that is tried first: neighbours follow the same way in their turn.
 RELAXATION = 1.7
@@ -228,7 +229,7 @@ class _Best:
         The mean shape of a mesh that has just been untangled is no one's: it does not count.
         """
         self._given_xy, self.xy = xy.copy(), xy.copy()
-        self.given = self.figures = self._measure(xy, Quality(self.blocks.mesh._at_xy(xy)))
+        self.given = self.figures = self._measure(xy, Quality(self.blocks.mesh.topology, xy))
         self.best_shape = self.given.shape if self.given.n_invalid == 0 else 0.0
         if not mean_counts:
             self.given = replace(self.given, shape=0.0)
@@ -239,7 +240,7 @@ class _Best:
 
     def offer(self, xy: FloatArray) -> Figures:
         """Measure coordinates, and keep them if they are the best."""
-        quality = Quality(self.blocks.mesh._at_xy(xy))
+        quality = Quality(self.blocks.mesh.topology, xy)
         now = self._measure(xy, quality)
         self.blocks.report(xy, quality, self.progress)
         self.best_shape = max(self.best_shape, now.shape)
@@ -324,7 +325,7 @@ def _untangle(blocks: Blocks, xy: FloatArray, progress: Progress) -> None:
         blocks.untangle(xy, sizes, epsilon)
         progress.sweeps += 1
         if progress.sweeps % ROUND == 0:
-            blocks.report(xy, Quality(mesh._at_xy(xy)), progress)
+            blocks.report(xy, Quality(mesh.topology, xy), progress)
         if worst > 0.0 or progress.sweeps % ROUND == 0 or (smallest <= 0.0).sum() < best_count:
             count = _n_invalid(mesh, xy)
             if count < best_count:
@@ -418,7 +419,7 @@ def _largest(badness: FloatArray) -> float:
 
 
 def _n_invalid(mesh: Mesh, xy: FloatArray) -> int:
-    return Quality(mesh._at_xy(xy)).n_invalid
+    return Quality(mesh.topology, xy).n_invalid
 
 
 def _local_sizes(mesh: Mesh) -> FloatArray:
@@ -440,7 +441,7 @@ def _local_sizes(mesh: Mesh) -> FloatArray:
 
 def _what_stays_invalid(blocks: Blocks, xy: FloatArray, count: int, given: int) -> str:
     """Say which cells stay invalid, and for which of them that is proven."""
-    invalid = Quality(blocks.mesh._at_xy(xy)).validity != Validity.VALID
+    invalid = Quality(blocks.mesh.topology, xy).validity != Validity.VALID
     hopeless = _hopeless(blocks, xy)
     first = int(np.argmax(invalid))
     text = f"{count} of {given} invalid cells stay invalid, the first is cell {first}"

@@ -319,7 +319,7 @@ def worst_table(quality: Quality, k: int, by: str) -> Table:
     if centres.shape[1] == 3 and len(centres) and np.ptp(centres[:, 2]) == 0.0:
         centres = centres[:, :2]  # a level mesh, most likely
     axes = "xyz"[: centres.shape[1]]
-    extent = float(np.ptp(quality._mesh.points, axis=0).max())
+    extent = float(np.ptp(quality.points, axis=0).max())
     rows = tuple(
         Row(
             str(cell),

@@ -13,8 +13,9 @@ import numpy.typing as npt
 
 from qsmooth._types import BoolArray, FloatArray
 from qsmooth._words import plural
-from qsmooth.mesh import Mesh, MeshLike, Schedule, as_mesh
+from qsmooth.mesh import Mesh, MeshLike, as_mesh
 from qsmooth.metrics import Quality, Summary, Validity, limits, quality
+from qsmooth.topology import Schedule
 
 if TYPE_CHECKING:
     from qsmooth.split import Diagonal
@@ -1003,7 +1004,7 @@ def _iterate(
     if selected is not None and cut is not mesh:
         selected = np.repeat(selected, np.diff(mesh.cell_offsets) - 2)
     settings = replace(settings, selected=selected)
-    schedule = cut._topology.schedule(settings.keep_interfaces, only)
+    schedule = cut.topology.schedule(settings.keep_interfaces, only)
     n_movable = schedule.vertices.size
     threads = _n_threads(settings, n_movable)
     if settings.guard == "quality":
@@ -1028,16 +1029,16 @@ def _iterate(
                 start = time.perf_counter()
                 sweep(xy, moves, shares)
                 seconds += time.perf_counter() - start
-                history.append(_record(Quality(mesh._at_xy(xy)), moves, shares))
+                history.append(_record(Quality(mesh.topology, xy), moves, shares))
                 if callback is not None:
                     callback(history[-1])
                 stop = _why_stop(history[n_past:], settings.rtol)
     if not guarded:
-        result = mesh._with_xy(xy, _moved(mesh, xy))
+        result = mesh.with_xy(xy, _moved(mesh, xy))
     elif cut is mesh:
         result = _stored(mesh, xy)
     else:
-        result = mesh._at(_stored(cut, xy).points)
+        result = mesh.with_points(_stored(cut, xy).points)
     after_quality = quality(result)
     after = after_quality.summary()
     notes = [chosen] if chosen else []
@@ -1073,7 +1074,7 @@ def _optimized(
 
     before = quality(mesh).summary()
     only, _ = _selected(mesh, settings)
-    schedule = mesh._topology.schedule(settings.keep_interfaces, only)
+    schedule = mesh.topology.schedule(settings.keep_interfaces, only)
     n_movable = schedule.vertices.size
     history: list[SweepRecord] = []
 
@@ -1222,8 +1223,8 @@ def _stored(mesh: Mesh, xy: FloatArray) -> Mesh:
     more: where that costs a corner, by a hair, the cell's vertices go back to where they were.
     """
     moved = _moved(mesh, xy)
-    result = mesh._with_xy(xy, moved)
-    if mesh._frame is None:
+    result = mesh.with_xy(xy, moved)
+    if mesh.plane is None:
         return result
     was_valid = quality(mesh).validity == Validity.VALID
     while True:
@@ -1232,7 +1233,7 @@ def _stored(mesh: Mesh, xy: FloatArray) -> Mesh:
             return result
         vertices = mesh.cell_vertices[np.repeat(lost, np.diff(mesh.cell_offsets))]
         moved[vertices] = False
-        result = mesh._with_xy(xy, moved)
+        result = mesh.with_xy(xy, moved)
 
 
 def _is_number(value: object) -> bool:

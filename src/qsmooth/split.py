@@ -53,7 +53,7 @@ def split_quads(mesh: Mesh, diagonal: Diagonal = "shorter") -> Mesh:
     triangles[first[~is_quad]] = vertices[offsets[:-1][~is_quad, None] + np.arange(3)]
     regions = None if mesh.regions is None else np.repeat(mesh.regions, n_pieces)
     try:
-        return mesh._recut(triangles, regions)
+        return mesh.with_cells(triangles, regions)
     except MeshError as error:
         raise MeshError(f"the quads can't be cut in two along these diagonals: {error}") from None
 

@@ -298,9 +298,9 @@ def test_reading(put, name):
     cells = [tuple(row) for block in mesh.cells for row in block.tolist()]
     assert cells == [*QUADS, *TRIANGLES]
     assert (None if mesh.regions is None else mesh.regions.tolist()) == regions
-    assert len(mesh._lines) == n_lines
+    assert len(mesh.topology.lines) == n_lines
     if n_lines:
-        assert mesh._lines[0].tolist() == [0, 1]
+        assert mesh.topology.lines[0].tolist() == [0, 1]
 
 
 @pytest.mark.parametrize("name", TEXT)
@@ -334,12 +334,12 @@ def test_writing_back_keeps_every_other_byte(put, tmp_path, name):
     back = read_mesh(copy)
     assert np.array_equal(back.points, move(mesh).points)
     for key in ("point_data", "cell_data", "field_data", "point_sets", "cell_sets"):
-        old, new = getattr(mesh._source, key), getattr(back._source, key)
+        old, new = getattr(mesh.source, key), getattr(back.source, key)
         assert list(old) == list(new)
         for label in old:
             np.testing.assert_equal(new[label], old[label])
-    assert back._source.names == mesh._source.names
-    assert back._source.extras == mesh._source.extras
+    assert back.source.names == mesh.source.names
+    assert back.source.extras == mesh.source.extras
     if name in TEXT:
         before, after = content_of(name).split(), copy.read_bytes().split()
         assert len(before) == len(after)
@@ -367,7 +367,7 @@ def test_conversion(put, tmp_path, name, form):
     if mesh.regions is not None and len(set(mesh.regions.tolist())) > 1:
         same = kept and len(set(back.regions.tolist())) == len(set(mesh.regions.tolist()))
         assert same or "regions" in said
-    assert len(back._lines) == len(mesh._lines) or "line cells" in said
+    assert len(back.topology.lines) == len(mesh.topology.lines) or "line cells" in said
 
 
 def test_conversion_says_what_is_lost(put, tmp_path):
@@ -385,8 +385,8 @@ def test_gmsh_keeps_names_and_lines_of_su2(put, tmp_path):
     with pytest.warns(MeshWarning, match="comments"):
         write_mesh(tmp_path / "a.msh", mesh)
     back = read_mesh(tmp_path / "a.msh")
-    assert back._source.names["shore"][1] == 1
-    assert len(back._lines) == 2
+    assert back.source.names["shore"][1] == 1
+    assert len(back.topology.lines) == 2
     with pytest.warns(MeshWarning, match="1 point cells"):
         write_mesh(tmp_path / "b.su2", back)
     assert b"MARKER_TAG= shore\nMARKER_ELEMS= 2\n" in (tmp_path / "b.su2").read_bytes()
@@ -458,7 +458,7 @@ def test_meshio_mesh_with_everything_comes_back():
     )
     mesh = from_meshio(given)
     assert mesh.regions.tolist() == [3, 4, 4]
-    assert mesh._lines.tolist() == [[0, 1]]
+    assert mesh.topology.lines.tolist() == [[0, 1]]
     back = to_meshio(mesh)
     assert back.point_data["depth"].tolist() == list(range(8))
     assert [b.type for b in back.cells] == ["line", "quad", "triangle"]

@@ -126,8 +126,8 @@ def test_figures_of_every_file(shared_meshes, table):
         n_lines = sum(int(n) for n in re.findall(r"(\d+) line", row[3]))
         if found != counts or len(mesh.points) != int(row[4]):
             wrong.append(f"{name}: {found} and {len(mesh.points)} vertices")
-        if n_lines and len(mesh._lines) != n_lines:
-            wrong.append(f"{name}: {len(mesh._lines)} lines")
+        if n_lines and len(mesh.topology.lines) != n_lines:
+            wrong.append(f"{name}: {len(mesh.topology.lines)} lines")
         flat = mesh.points if "figures in 3D" in row[10] else mesh.points[:, :2]
         has = figures(flat, mesh.cells)
         smallest, largest = row[5].split(" / ")
@@ -156,7 +156,7 @@ def test_zones_of_su2_are_joined_and_are_regions(shared_meshes):
     assert len(mesh.points) == 2370 + 150
     assert np.bincount(mesh.regions).tolist() == [0, 2240, 116]
     assert mesh.cells[-1].min() == 2370
-    assert len(mesh._lines) == 38 + 38 + 62 + 58 + 29 + 29 + 4 + 29 + 4 + 29 + 4
+    assert len(mesh.topology.lines) == 38 + 38 + 62 + 58 + 29 + 29 + 4 + 29 + 4 + 29 + 4
 
 
 @pytest.mark.parametrize(
@@ -199,7 +199,7 @@ def test_round_trip_of_every_file(shared_meshes, tmp_path):
         write_mesh(copy, mesh.with_points(points))
         back = read_quietly(copy, surface)
         assert np.array_equal(back.points, points), name
-        old, new = mesh._source, back._source
+        old, new = mesh.source, back.source
         assert [kind for kind, _ in new.blocks] == [kind for kind, _ in old.blocks]
         for (_, a), (_, b) in zip(old.blocks, new.blocks, strict=True):
             assert np.array_equal(a, b)
@@ -229,4 +229,4 @@ def test_meshio_and_back(shared_meshes):
         assert np.array_equal(back.points, mesh.points)
         assert [c.tolist() for c in back.cells] == [c.tolist() for c in mesh.cells]
         assert np.array_equal(back.regions, mesh.regions)
-        assert np.array_equal(back._lines, mesh._lines)
+        assert np.array_equal(back.topology.lines, mesh.topology.lines)

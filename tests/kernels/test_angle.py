@@ -91,7 +91,7 @@ REFERENCES = {
 def test_whole_meshes_agree_with_the_reference(kind, method, guard):
     mesh = random_mesh(kind, 5, seed=8, amount=0.9, turned=0.5).mesh
     points, cells = reference.as_complex(mesh.xy), reference.as_lists(mesh)
-    order = mesh._topology.schedule(True).vertices.tolist()
+    order = mesh.topology.schedule(True).vertices.tolist()
     good = max(0.5, min(reference.scaled_jacobian(points, cell) for cell in cells))
     options = {} if method == "angle" else {"weights": "area"}
     if guard != "quality":

@@ -85,7 +85,7 @@ def test_one_vertex_agrees_with_the_reference(kind, valence):
 def test_whole_meshes_agree_with_the_reference(kind, guard):
     mesh = random_mesh(kind, 6, seed=5, amount=0.9, turned=0.5).mesh
     points, cells = reference.as_complex(mesh.xy), reference.as_lists(mesh)
-    order = mesh._topology.schedule(True).vertices.tolist()
+    order = mesh.topology.schedule(True).vertices.tolist()
     good = max(0.5, min(reference.scaled_jacobian(points, cell) for cell in cells))
     options = reference.Options(good=good if guard == "quality" else None)
     for n in (1, 2):

@@ -13,7 +13,7 @@ from qsmooth.kernels.topology import NO_VERTEX
 
 
 def blocks_of(mesh):
-    schedule = mesh._topology.schedule(True)
+    schedule = mesh.topology.schedule(True)
     return schedule, build_blocks(
         schedule.colour_offsets, schedule.vertices, schedule.offsets, schedule.corners
     )

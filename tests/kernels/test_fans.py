@@ -15,7 +15,7 @@ from qsmooth.kernels.topology import corner_cells, stars
 
 def bounds(mesh):
     """Bounds of every vertex, and which may move."""
-    topology = mesh._topology
+    topology = mesh.topology
     movable = np.zeros(mesh.n_vertices, np.bool_)
     movable[topology.schedule(True).vertices] = True
     offsets, _, corners = stars(mesh.n_vertices, mesh.cell_offsets, mesh.cell_vertices)

@@ -38,7 +38,7 @@ def test_tolerated_loss_of_a_point_is_16_spacings(largest):
 
 
 def commit(mesh, step):
-    schedule = mesh._topology.schedule(True)
+    schedule = mesh.topology.schedule(True)
     xy = mesh.xy.copy()
     moves, shares = np.empty((2, 1))
     guarded_commit(
@@ -63,7 +63,7 @@ def test_clearance_may_fall_by_the_tolerated_loss_and_no_more(shift, tau):
 @pytest.mark.parametrize("kind", sorted(KINDS))
 def test_lines_and_clearance_are_those_of_the_reference(kind):
     mesh = random_mesh(kind, 5, seed=8, amount=1.0, turned=0.5, shift=(-3.0, 100.0)).mesh
-    schedule = mesh._topology.schedule(True)
+    schedule = mesh.topology.schedule(True)
     points, cells = reference.as_complex(mesh.xy), reference.as_lists(mesh)
     lines = np.empty((3 * schedule.largest_star, 3))
     for i, v in enumerate(schedule.vertices.tolist()):
@@ -86,7 +86,7 @@ def test_a_line_of_no_length_is_left_out():
     points, cells = grid(2, 2)
     points[5] = points[2]  # the lower right square loses a side
     mesh = Mesh(points, cells)
-    schedule = mesh._topology.schedule(True)
+    schedule = mesh.topology.schedule(True)
     lines = np.empty((12, 3))
     n, *_ = guards.guard_lines(mesh.xy, 4, schedule.corners, 0, 4, lines)
     assert (

@@ -23,7 +23,7 @@ def corner(u, w):
 def assembled(mesh, vertices=None):
     """Gradient and dense matrix by the kernels, of all movable vertices or of those given."""
     if vertices is None:
-        vertices = np.sort(mesh._topology.schedule(True).vertices.astype(np.int64))
+        vertices = np.sort(mesh.topology.schedule(True).vertices.astype(np.int64))
     n = len(vertices)
     unknown = np.full(mesh.n_vertices, -1, np.int64)
     unknown[vertices] = np.arange(n)
@@ -120,7 +120,7 @@ def test_the_assembled_matrix_agrees_with_the_dense_sum(kind):
 @given(random_meshes(sizes=st.integers(2, 4)), st.integers(0, 2**32 - 1))
 def test_the_matrix_is_symmetric_and_semi_definite_and_the_step_points_downhill(made, seed):
     mesh = made.mesh
-    vertices = np.sort(mesh._topology.schedule(True).vertices.astype(np.int64))
+    vertices = np.sort(mesh.topology.schedule(True).vertices.astype(np.int64))
     some = vertices[np.random.default_rng(seed).random(vertices.size) < 0.8]
     _, offsets, columns, gradient, dense = assembled(mesh, some)
     scale = np.abs(dense).max(initial=1e-300)

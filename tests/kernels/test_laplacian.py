@@ -47,7 +47,7 @@ def test_any_valence_reaches_the_mean_in_one_sweep(valence):
 def test_plain_sweeps_agree_with_the_reference(kind):
     mesh = random_mesh(kind, 6, seed=21, amount=0.9, turned=0.5).mesh
     points, cells = reference.as_complex(mesh.xy), reference.as_lists(mesh)
-    order = mesh._topology.schedule(True).vertices.tolist()
+    order = mesh.topology.schedule(True).vertices.tolist()
     for n in (1, 2, 3):
         points = reference.laplacian_sweep(points, cells, order)
         agree(mesh, smooth(mesh, "laplacian", max_sweeps=n, rtol=0.0).mesh.xy, points)
@@ -58,7 +58,7 @@ def test_plain_sweeps_agree_with_the_reference(kind):
 def test_smart_sweeps_agree_with_the_reference(kind, guard):
     mesh = random_mesh(kind, 6, seed=22, amount=0.9, turned=0.5).mesh
     points, cells = reference.as_complex(mesh.xy), reference.as_lists(mesh)
-    order = mesh._topology.schedule(True).vertices.tolist()
+    order = mesh.topology.schedule(True).vertices.tolist()
     worst = min(reference.scaled_jacobian(points, cell) for cell in cells)
     options = reference.Options(good=max(0.5, worst) if guard == "quality" else None)
     for n in (1, 2, 3):

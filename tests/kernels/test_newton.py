@@ -29,7 +29,7 @@ ENERGIES = [
 
 
 def arguments(mesh):
-    schedule = mesh._topology.schedule(True)
+    schedule = mesh.topology.schedule(True)
     colour_blocks, blocks, vertices, stars, _ = build_blocks(
         schedule.colour_offsets, schedule.vertices, schedule.offsets, schedule.corners
     )
@@ -49,7 +49,7 @@ def sweep(mesh, energy, *, xy=None, threads=1):
 
 def lane(mesh, v):
     """Scratch of a block with one lane, for vertex v: star, scratch, quads, triangles."""
-    schedule = mesh._topology.schedule(True)
+    schedule = mesh.topology.schedule(True)
     i = schedule.vertices.tolist().index(v)
     rows = schedule.corners[schedule.offsets[i] : schedule.offsets[i + 1]]
     is_triangle = rows[:, 1] == NO_VERTEX
@@ -95,7 +95,7 @@ def star_energy(mesh, v, z, energy, *, bound=False):
 
 
 def some_vertices(mesh, count=4):
-    vertices = np.sort(mesh._topology.schedule(True).vertices).tolist()
+    vertices = np.sort(mesh.topology.schedule(True).vertices).tolist()
     return vertices[:: max(1, len(vertices) // count)]
 
 
@@ -184,7 +184,7 @@ def test_hessian_of_the_mean_agrees_with_differences_of_gradients(kind):
             for sign in (1.0, -1.0):
                 xy = mesh.xy.copy()
                 xy[v] += sign * h * axis
-                ends.append(derivatives(mesh._at_xy(xy), v, ENERGIES[0])[1])
+                ends.append(derivatives(mesh.with_points(xy), v, ENERGIES[0])[1])
             columns.append((ends[0] - ends[1]) / (2.0 * h))
         np.testing.assert_allclose(
             hessian, np.array(columns), rtol=0, atol=1e-5 * np.abs(hessian).max()
@@ -269,7 +269,7 @@ def test_one_vertex_of_any_valence_agrees(kind, valence):
 def test_energy_never_rises_and_valid_stays_valid_at_every_sweep(made, energy):
     mesh = made.mesh
     cells = reference.as_lists(mesh)
-    movable = mesh._topology.schedule(True).vertices.tolist()
+    movable = mesh.topology.schedule(True).vertices.tolist()
     xy = mesh.xy
     before = slow.total_energy(reference.as_complex(xy), cells, movable, *energy)
     for _ in range(3):

@@ -16,7 +16,7 @@ ROOT2 = math.sqrt(2.0)
 
 def propose(mesh, *, step=0.5, active=None, angles=(120.0, 60.0, 90.0, 45.0)):
     """Displacements that a sweep wants, of the movable vertices."""
-    schedule = mesh._topology.schedule(True)
+    schedule = mesh.topology.schedule(True)
     mask = np.ones(mesh.n_cells, np.bool_)
     if active is not None:
         mask[:] = False
@@ -30,7 +30,7 @@ def propose(mesh, *, step=0.5, active=None, angles=(120.0, 60.0, 90.0, 45.0)):
 
 
 def commit(mesh, wanted, *, good=math.nan):
-    schedule = mesh._topology.schedule(True)
+    schedule = mesh.topology.schedule(True)
     xy = mesh.xy.copy()
     moves, shares = np.full((2, schedule.vertices.size), np.nan)
     guarded_commit(
@@ -76,8 +76,8 @@ def test_both_neighbours_shrink_a_diagonal():
     wanted = propose(mesh, active=[4])
     options = reference.Options(active={4})
     xy, cells = reference.as_complex(mesh.xy), reference.as_lists(mesh)
-    expected = reference.quad_sweep(xy, cells, mesh._topology.schedule(True).vertices, options)
-    order = mesh._topology.schedule(True).vertices.tolist()
+    expected = reference.quad_sweep(xy, cells, mesh.topology.schedule(True).vertices, options)
+    order = mesh.topology.schedule(True).vertices.tolist()
     assert {v for v in order if expected[v] != xy[v]} >= {6, 9}
     free, _, _ = commit(mesh, wanted)
     agree(mesh, free, expected)
@@ -132,7 +132,7 @@ def test_commit_asks_where_the_neighbours_are_now():
     wanted = np.array([(0.3, 0.2), (-0.3, -0.1)])
     xy, *_ = commit(mesh, wanted)
     expected = reference.as_complex(points)
-    for v, step in zip(mesh._topology.schedule(True).vertices.tolist(), wanted, strict=True):
+    for v, step in zip(mesh.topology.schedule(True).vertices.tolist(), wanted, strict=True):
         target = expected[v] + complex(*step)
         expected[v] = reference.allowed(
             expected, v, reference.as_lists(mesh), target, reference.Options(), check_clearance=True
@@ -175,7 +175,7 @@ def test_one_vertex_of_any_valence_agrees_with_the_reference(valence, kind, guar
 def test_whole_meshes_agree_with_the_reference_sweep_by_sweep(kind, options):
     mesh = random_mesh(kind, 6, seed=12, amount=0.9, turned=0.5).mesh
     points, cells = reference.as_complex(mesh.xy), reference.as_lists(mesh)
-    order = mesh._topology.schedule(True).vertices.tolist()
+    order = mesh.topology.schedule(True).vertices.tolist()
     own = dict(options)
     share = own.pop("worst_fraction", 1.0)
     worst = min(reference.scaled_jacobian(points, cell) for cell in cells)

@@ -112,7 +112,7 @@ def test_a_tilted_plane_keeps_its_plane():
     mesh = Mesh(tilt(made.points), made.cells)
     result = smooth(mesh, "angle", split_quads=True)
     assert result.points.shape == mesh.points.shape
-    offsets = (result.points - mesh._frame.origin) @ mesh._frame.normal
+    offsets = (result.points - mesh.plane.origin) @ mesh.plane.normal
     assert np.abs(offsets).max() < 1e-12
 
 

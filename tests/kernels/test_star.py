@@ -17,7 +17,7 @@ ROOT2 = math.sqrt(2.0)
 
 def sweep(mesh, *, step=0.5, good=math.nan, active=None, angles=(120.0, 60.0, 90.0, 45.0)):
     """Run one sweep; returns new coordinates, moves and shares of the movable vertices."""
-    schedule = mesh._topology.schedule(True)
+    schedule = mesh.topology.schedule(True)
     xy = mesh.xy.copy()
     moves, shares = np.full((2, schedule.vertices.size), np.nan)
     mask = np.ones(mesh.n_cells, np.bool_)
@@ -143,7 +143,7 @@ def test_one_vertex_of_any_valence_agrees_with_the_reference(valence, kind, guar
 def test_whole_meshes_agree_with_the_reference_sweep_by_sweep(kind, options):
     mesh = random_mesh(kind, 6, seed=11, amount=0.9, turned=0.5).mesh
     points, cells = reference.as_complex(mesh.xy), reference.as_lists(mesh)
-    order = mesh._topology.schedule(True).vertices.tolist()
+    order = mesh.topology.schedule(True).vertices.tolist()
     own = dict(options)
     share = own.pop("worst_fraction", 1.0)
     worst = min(reference.scaled_jacobian(points, cell) for cell in cells)
@@ -163,7 +163,7 @@ def test_on_a_tangled_mesh_it_agrees_too():
     mesh = mesh.with_points(mesh.points + rng.uniform(-1, 1, mesh.points.shape) * free[:, None])
     points, cells = reference.as_complex(mesh.xy), reference.as_lists(mesh)
     assert any(reference.validity(points, cell) for cell in cells)
-    order = mesh._topology.schedule(True).vertices.tolist()
+    order = mesh.topology.schedule(True).vertices.tolist()
     for n in (1, 2, 3):
         points = reference.star_sweep(points, cells, order, reference.Options(good=0.5, step=0.25))
         agree(mesh, smooth(mesh, "star", max_sweeps=n, rtol=0.0).mesh.xy, points)

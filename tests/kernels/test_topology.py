@@ -53,7 +53,7 @@ def test_cells_run_alike_and_are_the_callers(made):
 @given(random_meshes())
 def test_schedule_lists_each_movable_vertex_once_and_no_two_of_a_colour_share_a_cell(made):
     mesh = made.mesh
-    schedule = mesh._topology.schedule(True)
+    schedule = mesh.topology.schedule(True)
     assert sorted(schedule.vertices.tolist()) == np.flatnonzero(~mesh.is_fixed).tolist()
     colours = rows(schedule.colour_offsets, schedule.vertices)
     assert all(colours)
@@ -68,7 +68,7 @@ def test_schedule_lists_each_movable_vertex_once_and_no_two_of_a_colour_share_a_
 @pytest.mark.parametrize("kind", sorted(KINDS))
 def test_star_table_holds_the_other_corners_in_order(kind):
     mesh = random_mesh(kind, 4, seed=1, turned=0.5).mesh
-    schedule = mesh._topology.schedule(True)
+    schedule = mesh.topology.schedule(True)
     cells = reference.as_lists(mesh)
     for i, v in enumerate(schedule.vertices.tolist()):
         span = slice(schedule.offsets[i], schedule.offsets[i + 1])
@@ -90,7 +90,7 @@ def test_a_hub_of_many_cells_is_sorted_and_coloured():
     hub = new_of[0]
     ring = rows(mesh.ring_offsets, mesh.ring_vertices)[hub]
     assert ring == [v for v in range(61) if v != hub]
-    assert mesh._topology.schedule(True).largest_star == 60
+    assert mesh.topology.schedule(True).largest_star == 60
 
 
 @pytest.mark.nojit
@@ -131,7 +131,7 @@ def test_the_first_offender_is_found():
 def test_boundary_loops(points_and_cells, n_loops, n_pinched):
     mesh = Mesh(*points_and_cells)
     found, pinched = topology.boundary_loops(
-        mesh.n_vertices, mesh.cell_offsets, mesh.cell_vertices, mesh._topology.twins
+        mesh.n_vertices, mesh.cell_offsets, mesh.cell_vertices, mesh.topology.twins
     )
     assert (found, pinched.sum()) == (n_loops, n_pinched)
 
@@ -147,7 +147,7 @@ def test_area_of_each_part_decides_and_then_the_majority():
     # Two parts of unlike sense: a valid mesh.
     square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
     mesh = Mesh(np.concatenate([square, square + 3.0]), [(0, 1, 2, 3), (4, 7, 6, 5)])
-    assert mesh._topology.n_parts == 2
+    assert mesh.topology.n_parts == 2
     assert signs(mesh) == [1, 1]
     # A fold over an edge: the larger of its cells is the right way round.
     assert signs(Mesh([(0, 0), (0, 2), (1, 1), (2, 1)], [(0, 2, 1), (0, 1, 3)])) == [-1, 1]

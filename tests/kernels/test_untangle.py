@@ -27,7 +27,7 @@ def tangled(kind="quads", size=4, seed=0, amount=1.0):
 
 def sweep(mesh, sizes, epsilon, *, xy=None, threads=1):
     """Sweep once; returns new coordinates, the vertices in their order and their moves."""
-    s = mesh._topology.schedule(True)
+    s = mesh.topology.schedule(True)
     colour_blocks, blocks, vertices, stars, _ = build_blocks(
         s.colour_offsets, s.vertices, s.offsets, s.corners
     )
@@ -43,7 +43,7 @@ def sweep(mesh, sizes, epsilon, *, xy=None, threads=1):
 
 def derivatives(mesh, v, soft):
     """Energy, gradient and Hessian of a vertex's star, by the kernel; and a trial's energy."""
-    s = mesh._topology.schedule(True)
+    s = mesh.topology.schedule(True)
     i = s.vertices.tolist().index(v)
     rows = s.corners[s.offsets[i] : s.offsets[i + 1]]
     is_triangle = rows[:, 1] == NO_VERTEX
@@ -79,7 +79,7 @@ def soft_energy(mesh, v, z, soft, *, linear=False):
 @pytest.mark.parametrize("kind", ["quads", "triangles", "mixed", "annulus"])
 def test_derivatives_agree_with_jets_and_with_differences(kind, soft):
     mesh = tangled(kind, 3, seed=2)
-    for v in mesh._topology.schedule(True).vertices.tolist()[:6]:
+    for v in mesh.topology.schedule(True).vertices.tolist()[:6]:
         own, gradient, hessian, trial = derivatives(mesh, v, soft)
         # The Hessian is that with the stand-in replaced by its tangent, which has its gradient.
         jet = soft_energy(mesh, v, slow.Jet.variables(mesh.xy[v]), soft, linear=True)
@@ -100,7 +100,7 @@ def test_derivatives_agree_with_jets_and_with_differences(kind, soft):
 def test_the_hessian_is_never_indefinite_however_tangled(soft):
     for seed in range(4):
         mesh = tangled("mixed", 4, seed=seed, amount=2.0)
-        for v in mesh._topology.schedule(True).vertices.tolist():
+        for v in mesh.topology.schedule(True).vertices.tolist():
             _, _, hessian, _ = derivatives(mesh, v, soft)
             low, high = np.linalg.eigvalsh(hessian)
             assert low > -1e-12 * high
@@ -155,7 +155,7 @@ def test_energy_never_rises_where_sizes_are_constant(kind, size, seed, amount, e
     # Each vertex sees its star with its own r: only where r is constant is there one energy.
     mesh = tangled(kind, size, seed, amount)
     sizes, cells = np.full(mesh.n_vertices, 0.8), reference.as_lists(mesh)
-    movable = mesh._topology.schedule(True).vertices.tolist()
+    movable = mesh.topology.schedule(True).vertices.tolist()
     xy = mesh.xy
     before = slow.total_soft_energy(reference.as_complex(xy), cells, movable, 0.8 * epsilon)
     for _ in range(3):
@@ -169,7 +169,7 @@ def test_energy_never_rises_where_sizes_are_constant(kind, size, seed, amount, e
 @given(KINDS_OF_MESH, SEEDS, st.sampled_from(EPSILONS))
 def test_a_vertex_alone_never_goes_uphill_whatever_its_size(kind, seed, epsilon):
     made = tangled(kind, 3, seed)
-    movable = made._topology.schedule(True).vertices.tolist()
+    movable = made.topology.schedule(True).vertices.tolist()
     v = movable[seed % len(movable)]
     fixed = np.ones(made.n_vertices, np.bool_)
     fixed[v] = False

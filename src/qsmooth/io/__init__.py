@@ -123,7 +123,7 @@ def write_mesh(path: PathLike, mesh: MeshLike, *, format: str | None = None) -> 
     from qsmooth.mesh import as_mesh
 
     path, mesh = Path(path), as_mesh(mesh)
-    source = mesh._source if isinstance(mesh._source, Document) else None
+    source = mesh.source if isinstance(mesh.source, Document) else None
     name = format_of(path, mesh, format=format)
     same_format = source is not None and source.format == name
     lost: list[str] = []
@@ -152,7 +152,7 @@ def format_of(path: PathLike, mesh: Mesh, *, format: str | None = None) -> str:
         If there is none, or no such one.
     """
     path = Path(path)
-    source = mesh._source if isinstance(mesh._source, Document) else None
+    source = mesh.source if isinstance(mesh.source, Document) else None
     name = format or _name_for(path, source)
     if name not in formats():
         raise MeshError(f"cannot write '{path}': unknown format {name!r}, known are {_known()}")

@@ -181,7 +181,7 @@ class Document:
             surface=surface,
             regions=regions,
         )
-        return mesh._attach(self, np.concatenate([np.empty((0, 2), np.int64), *lines]))
+        return mesh.with_source(self, np.concatenate([np.empty((0, 2), np.int64), *lines]))
 
     def losses(self, holds: frozenset[str]) -> list[str]:
         """What a format that holds only `holds` cannot keep, in words."""
@@ -210,7 +210,7 @@ class Document:
 
 def of_mesh(mesh: Mesh) -> Document:
     """Document with the mesh's present points: what its file held besides, if it had one."""
-    source = mesh._source
+    source = mesh.source
     points = np.array(mesh.points)
     if isinstance(source, Document):
         fields = {key: value for key, value in vars(source).items() if key not in ("data", "slots")}

@@ -1,0 +1,271 @@
+"""Topology: what depends on connectivity alone, derived once and shared by all placements."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from qsmooth._types import BoolArray, FloatArray, IndexArray, TableArray
+from qsmooth.checks import counted, read_only
+from qsmooth.errors import MeshError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+# Tables hold vertex ids in 32 bits, and keep one for "none".
+LARGEST_COUNT = 2**32 - 2
+
+
+class Schedule:
+    """The movable vertices colour by colour, and the table of their stars.
+
+    Attributes
+    ----------
+    colour_offsets, vertices : (n_colours + 1,), (n_movable,)
+        CSR map; no two vertices of one colour share a cell.
+    offsets, corners, cells : (n_movable + 1,), (n_rows, 3), (n_rows,)
+        Rows of each vertex: a quad (v, a, b, c) as a, b, c; a triangle (v, a, c) as a, none, c.
+    """
+
+    def __init__(
+        self,
+        colour_offsets: IndexArray,
+        vertices: TableArray,
+        offsets: IndexArray,
+        corners: TableArray,
+        cells: TableArray,
+    ) -> None:
+        self.colour_offsets = read_only(colour_offsets)
+        self.vertices = read_only(vertices)
+        self.offsets = read_only(offsets)
+        self.corners = read_only(corners)
+        self.cells = read_only(cells)
+        self.largest_star = int(np.diff(offsets).max(initial=0))
+
+
+class Topology:
+    """Cells and what follows from them: CSR maps, orientation, boundary, colours.
+
+    All meshes made by `Mesh.with_points` share one. Arrays are read-only.
+
+    Attributes
+    ----------
+    n_vertices, n_cells
+        Counts; orphans are vertices too.
+    cell_offsets, cell_vertices : (n_cells + 1,), (n_corners,)
+        CSR map from a cell to its corners; all cells of a part run alike.
+    star_offsets, star_cells : (n_vertices + 1,), (n_corners,)
+        CSR map from a vertex to its cells, ascending.
+    given_vertices, given_twins : (n_corners,)
+        Corners as the caller listed them, and the other cell's side of each edge there, or -1.
+    turned : (n_cells,)
+        Cells that run the other way than the caller's.
+    n_parts
+        Parts connected by edges.
+    used, is_boundary, is_fixed : (n_vertices,)
+        In a cell; on an edge with only one cell; never to move: boundary, the caller's, orphans.
+    regions : (n_cells,) or None
+        Region of each cell.
+    lines : (k, 2)
+        Line cells of the file.
+    """
+
+    def __init__(
+        self,
+        n_vertices: int,
+        blocks: Sequence[IndexArray],
+        fixed: BoolArray | None = None,
+        regions: IndexArray | None = None,
+        lines: IndexArray | None = None,
+    ) -> None:
+        from qsmooth.kernels import topology as kernels
+
+        self.n_vertices = n_vertices
+        self.n_cells = sum(len(block) for block in blocks)
+        if max(n_vertices, 2 * self.n_cells) > LARGEST_COUNT:
+            raise MeshError(f"a mesh may have {LARGEST_COUNT} vertices and half as many cells")
+        self.regions = None if regions is None else read_only(regions)
+        self.lines = read_only(np.empty((0, 2), np.int64) if lines is None else lines)
+        sizes = np.concatenate([np.full(len(b), b.shape[1], np.int64) for b in blocks])
+        self.cell_offsets = read_only(np.concatenate([[0], np.cumsum(sizes)]))
+        # Read-only from here on, as kernels are compiled once more for arrays that are not.
+        vertices = read_only(np.concatenate([block.ravel() for block in blocks]))
+        self.given_vertices = vertices
+        bad = kernels.find_bad_index(vertices, n_vertices)
+        if bad >= 0:
+            count = int(((vertices < 0) | (vertices >= n_vertices)).sum())
+            raise MeshError(
+                f"{counted(count, 'vertex id is', 'vertex ids are')} outside "
+                f"0 .. {n_vertices - 1}, the first is {vertices[bad]} in cell {self._cell_of(bad)}"
+            )
+        bad = kernels.find_repeated_vertex(self.cell_offsets, vertices)
+        if bad >= 0:
+            corners = vertices[self.cell_offsets[bad] : self.cell_offsets[bad + 1]].tolist()
+            raise MeshError(f"cell {bad} has a vertex twice: {corners}")
+        star_offsets, star_cells, star_corners = kernels.stars(
+            n_vertices, self.cell_offsets, vertices
+        )
+        self.star_offsets, self.star_cells = read_only(star_offsets), read_only(star_cells)
+        count, cell, earlier = kernels.find_duplicate_cells(
+            self.cell_offsets, vertices, star_offsets, star_cells
+        )
+        if count:
+            raise MeshError(
+                f"{counted(count, 'cell has', 'cells have')} the same vertices as another, "
+                f"the first is cell {cell} (as cell {earlier})"
+            )
+        self._given_star_corners = star_corners
+        twins, count, bad = kernels.edge_twins(n_vertices, self.cell_offsets, vertices)
+        if count:
+            cell = self._cell_of(bad)
+            first, last = self.cell_offsets[cell], self.cell_offsets[cell + 1]
+            head = vertices[bad + 1 if bad + 1 < last else first]
+            raise MeshError(
+                f"{counted(count, 'cell side is', 'cell sides are')} the third or later on "
+                f"one edge (not a 2D mesh), the first is edge {vertices[bad]}-{head} of cell {cell}"
+            )
+        self.given_twins = read_only(twins)
+        self.used = read_only(np.diff(star_offsets) > 0)
+        self.is_boundary = read_only(
+            kernels.mark_edge_ends(n_vertices, self.cell_offsets, vertices, twins < 0)
+        )
+        is_fixed = self.is_boundary | ~self.used
+        if fixed is not None:
+            is_fixed |= fixed
+        self.is_fixed = read_only(is_fixed)
+        self._schedules: dict[bool, Schedule] = {}
+        self.keep_orientation()
+
+    def keep_orientation(self) -> None:
+        """Take the cells to run as they are given."""
+        self.n_parts = 1
+        self.turned = read_only(np.zeros(self.n_cells, np.bool_))
+        self.cell_vertices = self.given_vertices
+
+    def orient(self, xy: FloatArray) -> None:
+        """Turn the cells to run alike; called once, when the coordinates are known.
+
+        Raises
+        ------
+        MeshError
+            If that can't be: a Möbius strip.
+        """
+        from qsmooth.kernels import topology as kernels
+
+        given, twins = self.given_vertices, self.given_twins
+        turned, parts, n_parts, conflict = kernels.orient_parts(self.cell_offsets, given, twins)
+        if conflict >= 0:
+            raise MeshError(
+                "the cells can't be oriented alike (a Möbius strip): going round, "
+                f"cell {conflict} meets itself turned over"
+            )
+        kernels.turn_parts(xy, self.cell_offsets, given, parts, n_parts, turned)
+        self.n_parts = n_parts
+        self.turned = read_only(turned)
+        if self.any_turned:
+            self.cell_vertices = read_only(kernels.oriented_cells(self.cell_offsets, given, turned))
+
+    @cached_property
+    def any_turned(self) -> bool:
+        """Whether a cell runs the other way than the caller's."""
+        return bool(self.turned.any())
+
+    @property
+    def cells(self) -> tuple[IndexArray, IndexArray]:
+        """The pair (cell_offsets, cell_vertices), as kernels take it."""
+        return self.cell_offsets, self.cell_vertices
+
+    @cached_property
+    def twins(self) -> IndexArray:
+        """For each side of the oriented cells, the same edge's side in the neighbour, or -1."""
+        from qsmooth.kernels import topology as kernels
+
+        if not self.any_turned:
+            return self.given_twins
+        twins, _, _ = kernels.edge_twins(self.n_vertices, *self.cells)
+        return read_only(twins)
+
+    @cached_property
+    def corner_cells(self) -> IndexArray:
+        """Cell of each corner position, (n_corners,)."""
+        from qsmooth.kernels import topology as kernels
+
+        return read_only(kernels.corner_cells(self.cell_offsets))
+
+    @cached_property
+    def star_corners(self) -> IndexArray:
+        """Position in `cell_vertices` of each vertex in each of its cells, (n_corners,)."""
+        from qsmooth.kernels import topology as kernels
+
+        if not self.any_turned:
+            return read_only(self._given_star_corners)
+        return read_only(kernels.stars(self.n_vertices, *self.cells)[2])
+
+    @cached_property
+    def rings(self) -> tuple[IndexArray, IndexArray]:
+        """CSR map from a vertex to its edge neighbours, ascending: (n + 1,), (2 * n_edges,)."""
+        from qsmooth.kernels import topology as kernels
+
+        offsets, vertices = kernels.rings(
+            self.n_vertices, self.cell_offsets, self.given_vertices, self.given_twins
+        )
+        return read_only(offsets), read_only(vertices)
+
+    @cached_property
+    def cell_sizes(self) -> IndexArray:
+        """Corners of each cell, 3 or 4, (n_cells,)."""
+        return read_only(np.diff(self.cell_offsets))
+
+    @cached_property
+    def is_interface(self) -> BoolArray:
+        """Whether a vertex is on the line between two regions or on a line cell, (n_vertices,)."""
+        from qsmooth.kernels import topology as kernels
+
+        marked = np.zeros(self.n_vertices, np.bool_)
+        if self.regions is not None:
+            region = np.repeat(self.regions, self.cell_sizes)
+            twins = self.given_twins
+            sides = (twins >= 0) & (region != region[twins])
+            marked |= kernels.mark_edge_ends(
+                self.n_vertices, self.cell_offsets, self.given_vertices, sides
+            )
+        marked[self.lines.ravel()] = True
+        return read_only(marked)
+
+    def with_lines(self, lines: IndexArray) -> Topology:
+        """Share everything but the line cells, (k, 2)."""
+        topology = object.__new__(Topology)
+        topology.__dict__.update(self.__dict__)
+        topology.__dict__.pop("is_interface", None)
+        topology.lines = read_only(np.array(lines, np.int64).reshape(-1, 2))
+        topology._schedules = {}
+        return topology
+
+    def movable(self, keep_interfaces: bool = True) -> BoolArray:
+        """Mark the vertices that may move, (n_vertices,)."""
+        movable = ~self.is_fixed
+        if keep_interfaces:
+            movable &= ~self.is_interface
+        return movable
+
+    def schedule(self, keep_interfaces: bool = True, only: BoolArray | None = None) -> Schedule:
+        """Return the movable vertices in `only`, in the order of a sweep, and their stars."""
+        if only is not None:
+            return self._make_schedule(self.movable(keep_interfaces) & only)
+        if keep_interfaces not in self._schedules:
+            self._schedules[keep_interfaces] = self._make_schedule(self.movable(keep_interfaces))
+        return self._schedules[keep_interfaces]
+
+    def _make_schedule(self, movable: BoolArray) -> Schedule:
+        from qsmooth.kernels import topology as kernels
+
+        stars = self.star_offsets, self.star_cells
+        colour, n_colours = kernels.colours(movable, *self.cells, *stars)
+        colour_offsets, vertices = kernels.order_by_colour(colour, n_colours)
+        table = kernels.star_table(vertices, *self.cells, *stars, self.star_corners)
+        return Schedule(colour_offsets, vertices, *table)
+
+    def _cell_of(self, corner: int) -> int:
+        return int(np.searchsorted(self.cell_offsets, corner, side="right")) - 1
