@@ -19,9 +19,9 @@ _HOMES = {
     "SweepRecord": "smoothing",
     "Validity": "metrics",
     "limits": "metrics",
-    "plot_comparison": "plot",
-    "plot_histograms": "plot",
-    "plot_mesh": "plot",
+    "plot_comparison": "output.figures",
+    "plot_histograms": "output.figures",
+    "plot_mesh": "output.figures",
     "quality": "metrics",
     "read_mesh": "io",
     "smooth": "smoothing",
@@ -70,7 +70,7 @@ if TYPE_CHECKING:
     from qsmooth.io import read_mesh, write_mesh
     from qsmooth.mesh import Mesh
     from qsmooth.metrics import Limits, Quality, Summary, Validity, limits, quality
-    from qsmooth.plot import plot_comparison, plot_histograms, plot_mesh
+    from qsmooth.output.figures import plot_comparison, plot_histograms, plot_mesh
     from qsmooth.smoothing import (
         SmoothResult,
         SweepRecord,
