@@ -7,7 +7,7 @@ import pytest
 
 from meshes import rough_grid
 from qsmooth import Mesh
-from qsmooth.kernels import cell_metrics, laplacian, quad, star, topology
+from qsmooth.kernels import laplacian, quad, star, topology
 from qsmooth.kernels._jit import use_threads
 from qsmooth.kernels.moves import thresholds
 
@@ -19,23 +19,6 @@ def run(benchmark, kernel, arguments, threads):
     with use_threads(threads):
         kernel(*arguments)
         benchmark(kernel, *arguments)
-
-
-@pytest.mark.parametrize("threads", THREADS)
-@pytest.mark.parametrize("name", ["scaled_jacobian", "shape", "aspect_ratio", "area", "validity"])
-def test_metric(benchmark, mesh, note, name, threads):
-    out = np.empty(mesh.n_cells, np.int64 if name == "validity" else np.float64)
-    note(mesh, threads)
-    arguments = mesh.xy, mesh.cell_offsets, mesh.cell_vertices, out
-    run(benchmark, getattr(cell_metrics, name), arguments, threads)
-
-
-@pytest.mark.parametrize("threads", THREADS)
-def test_angles(benchmark, mesh, note, threads):
-    out = np.empty((2, mesh.n_cells))
-    note(mesh, threads)
-    arguments = mesh.xy, mesh.cell_offsets, mesh.cell_vertices, out[0], out[1]
-    run(benchmark, cell_metrics.angles, arguments, threads)
 
 
 def sweep_arguments(mesh):
