@@ -936,9 +936,8 @@ def _cells(text: str | None) -> list[int] | str | None:
     try:
         parse_threshold(text)
     except ValueError as error:
-        raise ValueError(
-            f"--selection takes cell ids such as 3,7,12 or a threshold; {error}"
-        ) from None
+        reason = str(error).removeprefix("selection must be cells or ")
+        raise ValueError(f"--selection takes cell ids such as 3,7,12 or {reason}") from None
     return text
 
 

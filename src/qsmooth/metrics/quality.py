@@ -144,6 +144,7 @@ class Quality:
         """
         names = parse_metrics(metrics)
         sizes = self.topology.cell_sizes
+        kinds = np.array([sizes.min(), sizes.max()])  # all that bins depend on
         classes = np.bincount(self.validity, minlength=len(Validity))
         return Summary(
             n_vertices=self.topology.n_vertices,
@@ -156,7 +157,7 @@ class Quality:
             histograms={
                 name: count_by_bins(METRICS[name].defined(self[name]), edges)
                 for name in names
-                if (edges := METRICS[name].edges_of(sizes))
+                if (edges := METRICS[name].edges_of(kinds))
             },
         )
 
