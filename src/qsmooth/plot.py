@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from qsmooth.smoothing import SmoothResult
+    from qsmooth.result import SmoothResult
 
 View: TypeAlias = Literal["whole", "overlay", "worst", "narrow", "good"]
 Drawable: TypeAlias = "Mesh | SmoothResult | tuple[Any, Any]"

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rich.table import Table as RichTable
 
     from qsmooth.inspection import Finding, Inspection
-    from qsmooth.smoothing import SmoothResult
+    from qsmooth.result import SmoothResult
 
 # Metrics in words, as they stand in a sentence.
 METRIC_WORDS = {
@@ -396,9 +396,10 @@ def _first_ids(finding: Finding, n_ids: int) -> str:
 
 def method_title(name: str) -> str:
     """Write a method's name as a title."""
-    from qsmooth.smoothing import METHODS
+    from qsmooth.registry import all_methods
 
-    return METHODS[name].title if name in METHODS else name.capitalize()
+    known = all_methods()
+    return known[name].title if name in known else name.capitalize()
 
 
 def metric_text(metric: str, value: float) -> str:

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from qsmooth._types import FloatArray
-from qsmooth.mesh import Mesh
+from qsmooth.kernels.stars import Stars
 from qsmooth.metrics import Quality
-from qsmooth.topology import Schedule
+from qsmooth.topology import Topology
 
 if TYPE_CHECKING:
     from scipy.sparse import bsr_matrix
@@ -35,16 +35,16 @@ class GlobalNewton:
     only fills in the values.
     """
 
-    def __init__(self, mesh: Mesh, schedule: Schedule) -> None:
-        from qsmooth.kernels.hessian import block_pattern
+    def __init__(self, topology: Topology, stars: Stars) -> None:
+        from qsmooth.kernels.shape_hessian import block_pattern
 
-        self.mesh = mesh
-        self.vertices = np.sort(schedule.vertices.astype(np.int64))
-        self.unknown = np.full(mesh.n_vertices, -1, np.int64)
+        self.topology = topology
+        self.vertices = np.sort(stars.vertices.astype(np.int64))
+        self.unknown = np.full(topology.n_vertices, -1, np.int64)
         self.unknown[self.vertices] = np.arange(self.vertices.size)
         self.offsets, self.columns = block_pattern(
-            self.unknown, self.vertices.size, mesh.cell_offsets, mesh.cell_vertices,
-            mesh.star_offsets, mesh.star_cells, self.vertices,
+            self.unknown, self.vertices.size, *topology.cells, topology.star_offsets,
+            topology.star_cells, self.vertices,
         )  # fmt: skip
         self._values = np.empty((self.columns.size, 2, 2))
         self._gradient = np.empty((self.vertices.size, 2))
@@ -57,11 +57,10 @@ class GlobalNewton:
         float
             The fraction by which the energy fell; 0 where no step was found.
         """
-        from qsmooth.kernels.hessian import assemble
+        from qsmooth.kernels.shape_hessian import assemble
 
-        mesh = self.mesh
         assemble(
-            xy, mesh.cell_offsets, mesh.cell_vertices, self.unknown, self.offsets, self.columns,
+            xy, *self.topology.cells, self.unknown, self.offsets, self.columns,
             self._gradient, self._values,
         )  # fmt: skip
         size = 2 * self.vertices.size
@@ -77,18 +76,18 @@ class GlobalNewton:
         for k in range(HALVINGS):
             trial[self.vertices] = xy[self.vertices] + 0.5**k * direction
             after = self._energy(trial)
-            if after < before and Quality(mesh.topology, trial).n_invalid == 0:
+            if after < before and Quality(self.topology, trial).n_invalid == 0:
                 xy[:] = trial
                 return 1.0 - after / before
         return 0.0
 
     def _energy(self, xy: FloatArray) -> float:
-        from qsmooth.kernels.newton import cell_energy
+        from qsmooth.kernels.newton_sweep import cell_energy
 
-        mesh, movable = self.mesh, self.unknown >= 0
-        worst, total = np.empty(mesh.n_cells), np.empty(mesh.n_cells)
-        cell_energy(xy, mesh.cell_offsets, mesh.cell_vertices, movable, worst, total)
-        total *= np.where(np.diff(mesh.cell_offsets) == 3, 1.0, 4.0)
+        topology = self.topology
+        worst, total = np.empty(topology.n_cells), np.empty(topology.n_cells)
+        cell_energy(xy, *topology.cells, self.unknown >= 0, worst, total)
+        total *= np.where(topology.cell_sizes == 3, 1.0, 4.0)
         return float(total.sum())
 
 
