@@ -56,7 +56,7 @@ def _set_at(vertex: int) -> str:
 
 def _done(outcome: Outcome) -> list[str]:
     """What the stages with an aim of their own did; of plain sweeps it says why they stopped."""
-    said = {
+    said: dict[Aim, Callable[[Stage, Outcome], str]] = {
         Aim.UNTANGLE: _untangled,
         Aim.MEAN_SHAPE: _improved,
         Aim.WORST_CELLS: lambda stage, _: (
@@ -77,6 +77,10 @@ def _untangled(stage: Stage, outcome: Outcome) -> str:
 def _improved(stage: Stage, _: Outcome) -> str:
     steps = f" and {plural(stage.steps, 'Newton step')} on the whole mesh" if stage.steps else ""
     return f"improved the mean shape in {plural(stage.sweeps, 'sweep')}{steps}"
+
+
+def _mended(stage: Stage, _: Outcome) -> str:
+    return f"then the worst cells in {plural(stage.sweeps, 'sweep')}"
 
 
 def _given_up(outcome: Outcome, spell: Callable[[str], str]) -> list[str]:

@@ -1,4 +1,4 @@
-"""What star and quad share: the angles that cells mend, and which cells propose moves in a sweep."""
+"""What star and quad share: angles that are mended, and which cells propose moves in a sweep."""
 
 from __future__ import annotations
 
