@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from qsmooth._types import BoolArray, FloatArray, IndexArray, TableArray
+from qsmooth._types import BoolArray, FloatArray, IndexArray
 from qsmooth.errors import MeshError
+from qsmooth.kernels.stars import Stars
 
 if TYPE_CHECKING:
     import meshio
@@ -296,33 +297,6 @@ class _Frame:
             self.tolerance = max(self.tolerance, rounding)
 
 
-class Schedule:
-    """The movable vertices colour by colour, and the table of their stars.
-
-    Attributes
-    ----------
-    colour_offsets, vertices : (n_colours + 1,), (n_movable,)
-        CSR map; no two vertices of one colour share a cell.
-    offsets, corners, cells : (n_movable + 1,), (n_rows, 3), (n_rows,)
-        Rows of each vertex: a quad (v, a, b, c) as a, b, c; a triangle (v, a, c) as a, none, c.
-    """
-
-    def __init__(
-        self,
-        colour_offsets: IndexArray,
-        vertices: TableArray,
-        offsets: IndexArray,
-        corners: TableArray,
-        cells: TableArray,
-    ) -> None:
-        self.colour_offsets = _read_only(colour_offsets)
-        self.vertices = _read_only(vertices)
-        self.offsets = _read_only(offsets)
-        self.corners = _read_only(corners)
-        self.cells = _read_only(cells)
-        self.largest_star = int(np.diff(offsets).max(initial=0))
-
-
 class _Topology:
     """What depends on connectivity alone; shared by all meshes made by `Mesh.with_points`."""
 
@@ -386,7 +360,7 @@ class _Topology:
         if fixed is not None:
             is_fixed |= fixed
         self.is_fixed = _read_only(is_fixed)
-        self._schedules: dict[bool, Schedule] = {}
+        self._schedules: dict[bool, Stars] = {}
 
     def orient(self, xy: FloatArray) -> None:
         """Turn the cells to run alike; called once, when the coordinates are known."""
@@ -462,7 +436,7 @@ class _Topology:
         topology._schedules = {}
         return topology
 
-    def schedule(self, keep_interfaces: bool, only: BoolArray | None = None) -> Schedule:
+    def schedule(self, keep_interfaces: bool, only: BoolArray | None = None) -> Stars:
         """Return the movable vertices in `only`, in the order of a sweep, and their stars."""
         if only is not None:
             return self._make_schedule(keep_interfaces, only)
@@ -470,7 +444,8 @@ class _Topology:
             self._schedules[keep_interfaces] = self._make_schedule(keep_interfaces, None)
         return self._schedules[keep_interfaces]
 
-    def _make_schedule(self, keep_interfaces: bool, only: BoolArray | None) -> Schedule:
+    def _make_schedule(self, keep_interfaces: bool, only: BoolArray | None) -> Stars:
+        from qsmooth.kernels import colouring
         from qsmooth.kernels import topology as kernels
 
         movable = ~self.is_fixed
@@ -486,10 +461,19 @@ class _Topology:
         )
         if self.any_turned or star_corners is None:
             _, _, star_corners = kernels.stars(self.n_vertices, *cells)
-        colour, n_colours = kernels.colours(movable, *cells, star_offsets, star_cells)
-        colour_offsets, vertices = kernels.order_by_colour(colour, n_colours)
-        table = kernels.star_table(vertices, *cells, star_offsets, star_cells, star_corners)
-        return Schedule(colour_offsets, vertices, *table)
+        colour, n_colours = colouring.colours(movable, *cells, star_offsets, star_cells)
+        colour_offsets, vertices = colouring.order_by_colour(colour, n_colours)
+        offsets, corners, row_cells = colouring.star_table(
+            vertices, *cells, star_offsets, star_cells, star_corners
+        )
+        return Stars(
+            colour_offsets=_read_only(colour_offsets),
+            vertices=_read_only(vertices),
+            offsets=_read_only(offsets),
+            corners=_read_only(corners),
+            cells=_read_only(row_cells),
+            largest=int(np.diff(offsets).max(initial=0)),
+        )
 
     def _cell_of(self, corner: int) -> int:
         return int(np.searchsorted(self.cell_offsets, corner, side="right")) - 1

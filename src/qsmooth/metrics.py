@@ -457,7 +457,7 @@ def limits(mesh: MeshLike, *, keep_interfaces: bool = True) -> Limits:
     angle θ is given, and shared by the d cells there; round any other vertex it is 360°. In a
     valid mesh these angles add up to θ, so their mean is θ / d.
     """
-    from qsmooth.kernels.fans import angle_bounds
+    from qsmooth.kernels.angle_bounds import angle_bounds
     from qsmooth.kernels.topology import corner_cells, stars
 
     mesh = as_mesh(mesh)

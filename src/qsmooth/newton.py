@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from qsmooth._types import FloatArray
-from qsmooth.mesh import Mesh, Schedule
+from qsmooth.kernels.stars import Stars
+from qsmooth.mesh import Mesh
 from qsmooth.metrics import Quality
 
 if TYPE_CHECKING:
@@ -34,8 +35,8 @@ class GlobalNewton:
     only fills in the values.
     """
 
-    def __init__(self, mesh: Mesh, schedule: Schedule) -> None:
-        from qsmooth.kernels.hessian import block_pattern
+    def __init__(self, mesh: Mesh, schedule: Stars) -> None:
+        from qsmooth.kernels.shape_hessian import block_pattern
 
         self.mesh = mesh
         self.vertices = np.sort(schedule.vertices.astype(np.int64))
@@ -56,7 +57,7 @@ class GlobalNewton:
         float
             The fraction by which the energy fell; 0 where no step was found.
         """
-        from qsmooth.kernels.hessian import assemble
+        from qsmooth.kernels.shape_hessian import assemble
 
         mesh = self.mesh
         assemble(
@@ -82,7 +83,7 @@ class GlobalNewton:
         return 0.0
 
     def _energy(self, xy: FloatArray) -> float:
-        from qsmooth.kernels.newton import cell_energy
+        from qsmooth.kernels.newton_sweep import cell_energy
 
         mesh, movable = self.mesh, self.unknown >= 0
         worst, total = np.empty(mesh.n_cells), np.empty(mesh.n_cells)

@@ -12,7 +12,8 @@ import numpy as np
 
 from qsmooth._types import BoolArray, FloatArray
 from qsmooth._words import plural
-from qsmooth.mesh import Mesh, Schedule
+from qsmooth.kernels.stars import Stars
+from qsmooth.mesh import Mesh
 from qsmooth.metrics import Quality, Validity
 
 # Multiple of the Newton step that is tried first: neighbours follow the same way in their turn.
@@ -129,17 +130,16 @@ class Progress:
 class Blocks:
     """The movable vertices of a mesh in blocks of lanes, and the sweeps over them."""
 
-    def __init__(self, mesh: Mesh, schedule: Schedule) -> None:
+    def __init__(self, mesh: Mesh, schedule: Stars) -> None:
         from qsmooth.kernels.blocks import build_blocks
 
         self.mesh = mesh
         self.cells = mesh.cell_offsets, mesh.cell_vertices
         self.movable = np.zeros(mesh.n_vertices, np.bool_)
         self.movable[schedule.vertices] = True
-        colour_blocks, blocks, vertices, stars, _ = build_blocks(
-            schedule.colour_offsets, schedule.vertices, schedule.offsets, schedule.corners
-        )
-        self._arguments = colour_blocks, blocks, vertices, stars, schedule.largest_star
+        blocks = build_blocks(schedule)
+        vertices = blocks.vertices
+        self._arguments = blocks, (0, blocks.colour_blocks.size - 1)
         self._vertices, self._rings = vertices, (mesh.ring_offsets, mesh.ring_vertices)
         self.moves, self._shortest = np.zeros(vertices.size), np.empty(vertices.size)
         self._badness, self._shape = np.empty(mesh.n_cells), np.empty(mesh.n_cells)
@@ -148,17 +148,16 @@ class Blocks:
         self, xy: FloatArray, mean_weight: float, limit: float, squarings: int, progress: Progress
     ) -> None:
         """Sweep a round downhill on mean_weight · f + (g / limit)^(2^squarings)."""
-        from qsmooth.kernels.newton import newton_sweep
+        from qsmooth.kernels.newton_sweep import Wall, newton_sweep
 
+        wall = Wall(float(mean_weight), float(limit), squarings)
         for _ in range(progress.next_round()):
-            newton_sweep(
-                xy, *self._arguments, RELAXATION, mean_weight, limit, squarings, self.moves
-            )
+            newton_sweep(xy, *self._arguments, RELAXATION, wall, self.moves)
             progress.sweeps += 1
 
     def report(self, xy: FloatArray, now: Quality, progress: Progress) -> None:
         """Tell the caller of the last sweep."""
-        from qsmooth.kernels.untangle import shortest_edges
+        from qsmooth.kernels.untangle_sweep import shortest_edges
 
         shortest_edges(xy, *self._rings, self._vertices, self._shortest)
         shares = np.divide(
@@ -168,19 +167,19 @@ class Blocks:
 
     def untangle(self, xy: FloatArray, sizes: FloatArray, epsilon: float) -> None:
         """Sweep once downhill on the regularised energy."""
-        from qsmooth.kernels.untangle import untangle_sweep
+        from qsmooth.kernels.untangle_sweep import untangle_sweep
 
         untangle_sweep(xy, *self._arguments, RELAXATION, sizes, epsilon, self.moves)
 
     def energy(self, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Largest badness and summed shape energy of each cell."""
-        from qsmooth.kernels.newton import cell_energy
+        from qsmooth.kernels.newton_sweep import cell_energy
 
         cell_energy(xy, *self.cells, self.movable, self._badness, self._shape)
         return self._badness, self._shape
 
 
-def optimize(mesh: Mesh, schedule: Schedule, progress: Progress) -> FloatArray:
+def optimize(mesh: Mesh, schedule: Stars, progress: Progress) -> FloatArray:
     """Improve a mesh by all stages; return the best coordinates that were seen, (n, 2).
 
     Parameters
@@ -204,7 +203,7 @@ def optimize(mesh: Mesh, schedule: Schedule, progress: Progress) -> FloatArray:
     return best.xy
 
 
-def untangle(mesh: Mesh, schedule: Schedule, progress: Progress) -> FloatArray:
+def untangle(mesh: Mesh, schedule: Stars, progress: Progress) -> FloatArray:
     """Make a mesh valid, or as nearly so as was seen; return its coordinates, (n, 2)."""
     xy = mesh.xy.copy()
     if _n_invalid(mesh, xy):
@@ -301,7 +300,7 @@ class _Best:
 
 def _untangle(blocks: Blocks, xy: FloatArray, progress: Progress) -> None:
     """Sweep until every cell is valid; else leave the coordinates with the fewest invalid cells."""
-    from qsmooth.kernels.untangle import smallest_determinant
+    from qsmooth.kernels.untangle_sweep import smallest_determinant
 
     mesh = blocks.mesh
     sizes = _local_sizes(mesh)
@@ -338,7 +337,7 @@ def _untangle(blocks: Blocks, xy: FloatArray, progress: Progress) -> None:
 
 
 def _mean_stage(
-    blocks: Blocks, xy: FloatArray, schedule: Schedule, best: _Best, progress: Progress
+    blocks: Blocks, xy: FloatArray, schedule: Stars, best: _Best, progress: Progress
 ) -> None:
     """Sweep downhill on the mean shape until it has settled.
 
@@ -372,7 +371,7 @@ def _mean_stage(
     )
 
 
-def _global_steps(xy: FloatArray, schedule: Schedule, best: _Best, progress: Progress) -> int:
+def _global_steps(xy: FloatArray, schedule: Stars, best: _Best, progress: Progress) -> int:
     """Take Newton steps on all vertices at once while each pays; return their count."""
     from qsmooth.newton import GlobalNewton
 
@@ -423,7 +422,7 @@ def _n_invalid(mesh: Mesh, xy: FloatArray) -> int:
 
 def _local_sizes(mesh: Mesh) -> FloatArray:
     """Mean squared edge length at each vertex, (n,), made smooth over a few rings."""
-    from qsmooth.kernels.untangle import mean_squared_edge, spread_logarithms
+    from qsmooth.kernels.untangle_sweep import mean_squared_edge, spread_logarithms
 
     sizes, spread = np.empty(mesh.n_vertices), np.empty(mesh.n_vertices)
     rings = mesh.ring_offsets, mesh.ring_vertices
@@ -457,7 +456,7 @@ def _what_stays_invalid(blocks: Blocks, xy: FloatArray, count: int, given: int) 
 
 def _hopeless(blocks: Blocks, xy: FloatArray) -> BoolArray:
     """Mark the cells that no move can make valid, (n_cells,)."""
-    from qsmooth.kernels.untangle import hopeless_cells
+    from qsmooth.kernels.untangle_sweep import hopeless_cells
 
     hopeless = np.empty(blocks.mesh.n_cells, np.bool_)
     hopeless_cells(xy, *blocks.cells, blocks.movable, hopeless)

@@ -13,7 +13,8 @@ import numpy.typing as npt
 
 from qsmooth._types import BoolArray, FloatArray
 from qsmooth._words import plural
-from qsmooth.mesh import Mesh, MeshLike, Schedule, as_mesh
+from qsmooth.kernels.stars import Moves, Rings, Stars
+from qsmooth.mesh import Mesh, MeshLike, as_mesh
 from qsmooth.metrics import Quality, Summary, Validity, limits, quality
 
 if TYPE_CHECKING:
@@ -110,7 +111,7 @@ class SmoothResult:
 
 Callback: TypeAlias = Callable[[SweepRecord], None]
 # A sweep moves vertices of (n, 2) coordinates in place; it writes each one's length and share.
-Sweep: TypeAlias = Callable[[FloatArray, FloatArray, FloatArray], None]
+Sweep: TypeAlias = Callable[[FloatArray, Moves], None]
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,7 @@ class Method:
     title: str
     options: frozenset[str]
     guarded: bool
-    start: Callable[[Mesh, Schedule, _Settings], Sweep] | None  # None: it has a driver of its own
+    start: Callable[[Mesh, Stars, _Settings], Sweep] | None  # None: it has a driver of its own
     step: float = 0.25  # the default
     max_sweeps: int = SWEEPS  # the default
 
@@ -725,119 +726,109 @@ def smooth_laplacian(
     )  # fmt: skip
 
 
-def _start_star(mesh: Mesh, schedule: Schedule, settings: _Settings) -> Sweep:
+def _start_star(mesh: Mesh, schedule: Stars, settings: _Settings) -> Sweep:
     from qsmooth.kernels.star import star_sweep
 
-    limit, pace = _limits(settings), _Pace(mesh, settings)
+    angles, pace = _limits(settings), _Pace(mesh, settings)
+    colours = _all_colours(schedule)
 
-    def sweep(xy: FloatArray, moves: FloatArray, shares: FloatArray) -> None:
+    def sweep(xy: FloatArray, moves: Moves) -> None:
         star_sweep(
-            xy, schedule.colour_offsets, schedule.vertices, schedule.offsets, schedule.corners,
-            schedule.cells, pace(xy), limit, float(settings.step), settings.good,
-            schedule.largest_star, moves, shares,
-        )  # fmt: skip
+            xy, schedule, colours, pace(xy), angles, float(settings.step), settings.good, moves
+        )
 
     return sweep
 
 
-def _start_quad(mesh: Mesh, schedule: Schedule, settings: _Settings) -> Sweep:
+def _start_quad(mesh: Mesh, schedule: Stars, settings: _Settings) -> Sweep:
     from qsmooth.kernels.quad import guarded_commit, quad_proposals
 
-    limit, pace = _limits(settings), _Pace(mesh, settings)
+    angles, pace = _limits(settings), _Pace(mesh, settings)
     wanted = np.empty((schedule.vertices.size, 2))
+    colours = _all_colours(schedule)
 
-    def sweep(xy: FloatArray, moves: FloatArray, shares: FloatArray) -> None:
-        quad_proposals(
-            xy, schedule.vertices, schedule.offsets, schedule.corners, schedule.cells, pace(xy),
-            limit, float(settings.step), schedule.largest_star, wanted,
-        )  # fmt: skip
-        guarded_commit(
-            xy, schedule.colour_offsets, schedule.vertices, schedule.offsets, schedule.corners,
-            wanted, settings.good, schedule.largest_star, moves, shares,
-        )  # fmt: skip
+    def sweep(xy: FloatArray, moves: Moves) -> None:
+        quad_proposals(xy, schedule, pace(xy), angles, float(settings.step), wanted)
+        guarded_commit(xy, schedule, colours, wanted, settings.good, moves)
 
     return sweep
 
 
-def _start_laplacian(mesh: Mesh, schedule: Schedule, settings: _Settings) -> Sweep:
+def _start_laplacian(mesh: Mesh, schedule: Stars, settings: _Settings) -> Sweep:
     from qsmooth.kernels.laplacian import laplacian_sweep
 
     previous = np.empty((mesh.n_vertices, 2))
     if settings.weights == "area":
         from qsmooth.kernels.centroid import centroid_sweep
 
-        table = schedule.vertices, schedule.offsets, schedule.corners
-
-        def area_sweep(xy: FloatArray, moves: FloatArray, shares: FloatArray) -> None:
+        def area_sweep(xy: FloatArray, moves: Moves) -> None:
             previous[:] = xy
-            centroid_sweep(previous, *table, xy, moves, shares)
+            centroid_sweep(previous, schedule, xy, moves)
 
         return area_sweep
-    rings = mesh.ring_offsets, mesh.ring_vertices
+    rings = Rings(mesh.ring_offsets, mesh.ring_vertices)
 
-    def sweep(xy: FloatArray, moves: FloatArray, shares: FloatArray) -> None:
+    def sweep(xy: FloatArray, moves: Moves) -> None:
         previous[:] = xy
-        laplacian_sweep(previous, *rings, schedule.vertices, xy, moves, shares)
+        laplacian_sweep(previous, rings, schedule, xy, moves)
 
     return sweep
 
 
-def _start_smart_laplacian(mesh: Mesh, schedule: Schedule, settings: _Settings) -> Sweep:
+def _start_smart_laplacian(mesh: Mesh, schedule: Stars, settings: _Settings) -> Sweep:
     from qsmooth.kernels.laplacian import smart_laplacian_sweep
 
+    colours = _all_colours(schedule)
     if settings.weights == "area":
         from qsmooth.kernels.centroid import smart_centroid_sweep
 
-        def area_sweep(xy: FloatArray, moves: FloatArray, shares: FloatArray) -> None:
-            smart_centroid_sweep(
-                xy, schedule.colour_offsets, schedule.vertices, schedule.offsets,
-                schedule.corners, settings.good, moves, shares,
-            )  # fmt: skip
+        def area_sweep(xy: FloatArray, moves: Moves) -> None:
+            smart_centroid_sweep(xy, schedule, colours, settings.good, moves)
 
         return area_sweep
-    rings = mesh.ring_offsets, mesh.ring_vertices
+    rings = Rings(mesh.ring_offsets, mesh.ring_vertices)
 
-    def sweep(xy: FloatArray, moves: FloatArray, shares: FloatArray) -> None:
-        smart_laplacian_sweep(
-            xy, *rings, schedule.colour_offsets, schedule.vertices, schedule.offsets,
-            schedule.corners, settings.good, moves, shares,
-        )  # fmt: skip
+    def sweep(xy: FloatArray, moves: Moves) -> None:
+        smart_laplacian_sweep(xy, rings, schedule, colours, settings.good, moves)
 
     return sweep
 
 
-def _start_aspect_ratio(mesh: Mesh, schedule: Schedule, settings: _Settings) -> Sweep:
+def _start_aspect_ratio(mesh: Mesh, schedule: Stars, settings: _Settings) -> Sweep:
     from qsmooth.kernels.aspect_ratio import aspect_ratio_sweep
 
-    def sweep(xy: FloatArray, moves: FloatArray, shares: FloatArray) -> None:
+    colours = _all_colours(schedule)
+
+    def sweep(xy: FloatArray, moves: Moves) -> None:
         aspect_ratio_sweep(
-            xy, schedule.colour_offsets, schedule.vertices, schedule.offsets, schedule.corners,
-            float(settings.max_edge_ratio), float(settings.step), RATIO_POWER,
-            float(settings.max_edge_ratio), settings.good, schedule.largest_star, moves, shares,
+            xy, schedule, colours, float(settings.max_edge_ratio), float(settings.step),
+            RATIO_POWER, float(settings.max_edge_ratio), settings.good, moves,
         )  # fmt: skip
 
     return sweep
 
 
-def _start_angle(mesh: Mesh, schedule: Schedule, settings: _Settings) -> Sweep:
+def _start_angle(mesh: Mesh, schedule: Stars, settings: _Settings) -> Sweep:
     from qsmooth.kernels.angle import angle_sweep, guarded_angle_sweep
 
-    table = schedule.vertices, schedule.offsets, schedule.corners
     if settings.guard == "none":
         previous = np.empty((mesh.n_vertices, 2))
 
-        def unguarded_sweep(xy: FloatArray, moves: FloatArray, shares: FloatArray) -> None:
+        def unguarded_sweep(xy: FloatArray, moves: Moves) -> None:
             previous[:] = xy
-            angle_sweep(previous, *table, float(settings.step), xy, moves, shares)
+            angle_sweep(previous, schedule, float(settings.step), xy, moves)
 
         return unguarded_sweep
+    colours = _all_colours(schedule)
 
-    def sweep(xy: FloatArray, moves: FloatArray, shares: FloatArray) -> None:
-        guarded_angle_sweep(
-            xy, schedule.colour_offsets, *table, float(settings.step), settings.good, moves, shares
-        )
+    def sweep(xy: FloatArray, moves: Moves) -> None:
+        guarded_angle_sweep(xy, schedule, colours, float(settings.step), settings.good, moves)
 
     return sweep
+
+
+def _all_colours(stars: Stars) -> tuple[int, int]:
+    return 0, stars.colour_offsets.size - 1
 
 
 _SWEEPING = frozenset(
@@ -980,7 +971,7 @@ def why_not(mesh: Mesh, method: str) -> str:
 
 
 def _limits(settings: _Settings) -> FloatArray:
-    from qsmooth.kernels.moves import thresholds
+    from qsmooth.kernels.proposals import thresholds
 
     return thresholds(
         settings.max_angle,
@@ -1015,7 +1006,7 @@ def _iterate(
         settings = replace(settings, good=max(GOOD_SCALED_JACOBIAN, smallest))
     guarded = method.guarded and settings.guard != "none"
     xy = mesh.xy.copy()
-    moves, shares = np.zeros(n_movable), np.zeros(n_movable)
+    moves = Moves(np.zeros(n_movable), np.zeros(n_movable))
     history: list[SweepRecord] = []
     stop = "" if n_movable else _why_none_moves(settings)
     seconds = 0.0
@@ -1026,9 +1017,9 @@ def _iterate(
             n_past, stop = len(history), ""
             while not stop and len(history) < n_past + n_sweeps:
                 start = time.perf_counter()
-                sweep(xy, moves, shares)
+                sweep(xy, moves)
                 seconds += time.perf_counter() - start
-                history.append(_record(Quality(mesh._at_xy(xy)), moves, shares))
+                history.append(_record(Quality(mesh._at_xy(xy)), moves.lengths, moves.shares))
                 if callback is not None:
                     callback(history[-1])
                 stop = _why_stop(history[n_past:], settings.rtol)

@@ -1,27 +1,28 @@
 """What every guarded method asks of a move: clearance, certificate, quality.
 
-The star of a vertex v is a run of rows of a table of its cells: a quad (v, a, b, c) as a, b, c and
-a triangle (v, a, c) as a, NO_VERTEX, c, counter-clockwise.
+The guard lines of a vertex v are, in each cell (v, a, b, c) or (v, a, c) around it, a→c, and in a
+quad also a→b and b→c: the corners that v takes part in are convex exactly when v is on the left of
+all of them. Its clearance is the smallest signed distance to one. As a minimum of linear functions
+it is concave, so that the mean of places that each keep the clearance keeps it too.
 
-The guard lines of v are, in each cell, a→c, and in a quad also a→b and b→c: the corners that v
-takes part in are convex exactly when v is on the left of all of them. Its clearance is the smallest
-signed distance to one. As a minimum of linear functions it is concave, so that the mean of places
-that each keep the clearance keeps it too.
+The helpers take a vertex by its position i in `Stars.vertices`.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from qsmooth._types import FloatArray, TableArray
+from qsmooth._types import FloatArray
 from qsmooth.kernels._jit import helper, strict_helper
 from qsmooth.kernels.geometry import (
     certainly_left,
     orientation,
     quad_scaled_jacobian,
+    share,
     triangle_scaled_jacobian,
 )
-from qsmooth.kernels.topology import NO_VERTEX
+from qsmooth.kernels.stars import NO_VERTEX, Moves, Stars
 
 # A clearance may fall by this fraction of the longest edge, or by this many units in the last place
 # of the star's largest coordinate: a vertex that slides along its nearest guard line is not to be
@@ -35,6 +36,22 @@ GOOD_ENOUGH = 0.5
 
 # Columns of a guard line: distance of v from it, and the gradient of that distance.
 LINE_DISTANCE, LINE_X, LINE_Y = 0, 1, 2
+
+
+class Fence(NamedTuple):
+    """The guard lines that a step must stay clear of; none where that is known of the step.
+
+    Attributes
+    ----------
+    lines, n_lines : (any, 3)
+        As `guard_lines` fills them.
+    least
+        The distance to keep from each.
+    """
+
+    lines: FloatArray
+    n_lines: int
+    least: float
 
 
 @helper()
@@ -52,20 +69,26 @@ def _add_line(lines: FloatArray, n: int, px: float, py: float, qx: float, qy: fl
 
 @helper()
 def guard_lines(
-    xy: FloatArray, v: int, corners: TableArray, first: int, last: int, lines: FloatArray
+    xy: FloatArray, stars: Stars, i: int, lines: FloatArray
 ) -> tuple[int, float, float, float]:
-    """Fill `lines` with the guard lines of v.
+    """Fill `lines` with the guard lines of a vertex.
+
+    Parameters
+    ----------
+    lines : (3 * stars.largest, 3)
+        Overwritten in its first rows.
 
     Returns
     -------
     n_lines, longest, shortest, largest
-        Longest and shortest of v's edges; largest absolute coordinate of the star.
+        Longest and shortest of the vertex's edges; largest absolute coordinate of the star.
     """
+    v, corners = stars.vertices[i], stars.corners
     x, y = xy[v, 0], xy[v, 1]
     n = 0
     longest, shortest = 0.0, np.inf
     largest = max(abs(x), abs(y))
-    for row in range(first, last):
+    for row in range(stars.offsets[i], stars.offsets[i + 1]):
         a, b, c = corners[row, 0], corners[row, 1], corners[row, 2]
         largest = max(largest, abs(xy[a, 0]), abs(xy[a, 1]), abs(xy[c, 0]), abs(xy[c, 1]))
         ax, ay = xy[a, 0] - x, xy[a, 1] - y
@@ -116,15 +139,14 @@ def _keeps_corner(
 
 
 @strict_helper()
-def keeps_corners(
-    xy: FloatArray, v: int, corners: TableArray, first: int, last: int, x: float, y: float
-) -> bool:
+def keeps_corners(xy: FloatArray, stars: Stars, i: int, x: float, y: float) -> bool:
     """Whether every positive corner that v takes part in is certified positive with v at (x, y).
 
     A corner that is not positive now has nothing to lose.
     """
+    v, corners = stars.vertices[i], stars.corners
     vx, vy = xy[v, 0], xy[v, 1]
-    for row in range(first, last):
+    for row in range(stars.offsets[i], stars.offsets[i + 1]):
         a, b, c = corners[row, 0], corners[row, 1], corners[row, 2]
         ax, ay, cx, cy = xy[a, 0], xy[a, 1], xy[c, 0], xy[c, 1]
         left = certainly_left(x, y, ax, ay, cx, cy)
@@ -142,12 +164,11 @@ def keeps_corners(
 
 
 @helper()
-def star_scaled_jacobian(
-    xy: FloatArray, corners: TableArray, first: int, last: int, x: float, y: float
-) -> float:
-    """Smallest scaled Jacobian of the star's cells with v at (x, y)."""
+def star_scaled_jacobian(xy: FloatArray, stars: Stars, i: int, x: float, y: float) -> float:
+    """Smallest scaled Jacobian of the star's cells with their vertex at (x, y)."""
+    corners = stars.corners
     worst = np.inf
-    for row in range(first, last):
+    for row in range(stars.offsets[i], stars.offsets[i + 1]):
         a, b, c = corners[row, 0], corners[row, 1], corners[row, 2]
         if b != NO_VERTEX:
             score = quad_scaled_jacobian(
@@ -161,17 +182,7 @@ def star_scaled_jacobian(
 
 @helper()
 def allowed_step(
-    xy: FloatArray,
-    v: int,
-    corners: TableArray,
-    first: int,
-    last: int,
-    dx: float,
-    dy: float,
-    good: float,
-    lines: FloatArray,
-    n_lines: int,
-    least: float,
+    xy: FloatArray, stars: Stars, i: int, dx: float, dy: float, good: float, fence: Fence
 ) -> tuple[float, float]:
     """Take the first of the whole step, its half, quarter and eighth that all guards allow.
 
@@ -182,33 +193,76 @@ def allowed_step(
     good
         The ``"quality"`` guard: the star's smallest scaled Jacobian must not fall, or stay at or
         above this. NaN for no such guard.
-    lines, n_lines, least
-        The guard lines and the clearance to keep; ``n_lines=0`` where it is known to be kept.
+    fence
+        The clearance to keep.
 
     Returns
     -------
     x, y
         The place to store: the present one where no step is allowed.
     """
+    v = stars.vertices[i]
     x, y = xy[v, 0], xy[v, 1]
     present = np.nan  # the present quality, once it is needed
     for _ in range(HALVINGS + 1):
         new_x, new_y = x + dx, y + dy
         if (
             (new_x != x or new_y != y)
-            and keeps_clearance(lines, n_lines, dx, dy, least)
-            and keeps_corners(xy, v, corners, first, last, new_x, new_y)
+            and keeps_clearance(fence.lines, fence.n_lines, dx, dy, fence.least)
+            and keeps_corners(xy, stars, i, new_x, new_y)
         ):
             if math.isnan(good):
                 return new_x, new_y
             enough = good if math.isnan(present) else min(good, present)
-            score = star_scaled_jacobian(xy, corners, first, last, new_x, new_y)
+            score = star_scaled_jacobian(xy, stars, i, new_x, new_y)
             if score >= enough:
                 return new_x, new_y
             if math.isnan(present):
-                present = star_scaled_jacobian(xy, corners, first, last, x, y)
+                present = star_scaled_jacobian(xy, stars, i, x, y)
                 if score >= present:
                     return new_x, new_y
         dx *= 0.5
         dy *= 0.5
     return x, y
+
+
+@helper()
+def store_move(
+    xy: FloatArray, stars: Stars, i: int, x: float, y: float, shortest: float, moves: Moves
+) -> None:
+    """Put a vertex at (x, y), where `allowed_step` lets it go, and measure its move.
+
+    Parameters
+    ----------
+    shortest
+        Shortest edge of the vertex, before the move.
+    """
+    v = stars.vertices[i]
+    dx, dy = x - xy[v, 0], y - xy[v, 1]
+    xy[v, 0], xy[v, 1] = x, y
+    length = math.sqrt(dx * dx + dy * dy)
+    moves.lengths[i] = length
+    moves.shares[i] = share(length, shortest)
+
+
+@helper()
+def guarded_move(
+    xy: FloatArray,
+    stars: Stars,
+    i: int,
+    dx: float,
+    dy: float,
+    shortest: float,
+    good: float,
+    fence: Fence,
+    moves: Moves,
+) -> None:
+    """Move a vertex by as much of (dx, dy) as its guards allow, and measure the move.
+
+    The parameters are those of `allowed_step` and `store_move`.
+    """
+    if dx == 0.0 and dy == 0.0:
+        moves.lengths[i], moves.shares[i] = 0.0, 0.0
+        return
+    x, y = allowed_step(xy, stars, i, dx, dy, good, fence)
+    store_move(xy, stars, i, x, y, shortest, moves)

@@ -1,7 +1,7 @@
 """Gradient and Hessian of the shape energy of a whole mesh, for Newton steps on all vertices.
 
-With the edge vectors u, w of a corner (in a triangle: of its image under the map that makes an
-equilateral triangle's corner square), put a for the length of their conformal part
+With the edge vectors u, w of a corner (of its image under the map that makes a corner of the target
+shape square), put a for the length of their conformal part
 (u_x + w_y, u_y − w_x) / √2 and b for that of their anticonformal part (u_x − w_y, u_y + w_x) / √2.
 Then |u|² + |w|² = a² + b² and 2 det(u, w) = a² − b², so that the energy is
 (a² + b²) / (a² − b²). It does not depend on the directions of the two parts: the eigenvalues of its
@@ -15,9 +15,9 @@ import numpy as np
 
 from qsmooth._types import FloatArray, IndexArray
 from qsmooth.kernels._jit import helper, kernel
+from qsmooth.kernels.corner_energy import EQUILATERAL, SQUARE, Target
 
 ROOT_HALF = math.sqrt(0.5)
-INV_ROOT3 = 1.0 / math.sqrt(3.0)
 
 
 @kernel()
@@ -90,7 +90,7 @@ def _projected(radial_a: float, mixed: float, radial_b: float) -> tuple[float, f
 def corner_derivatives(
     ux: float, uy: float, wx: float, wy: float, gradient: FloatArray, hessian: FloatArray
 ) -> None:
-    """Derivatives of the shape energy by (ux, uy, wx, wy), the second made semi-definite.
+    """Derivatives of the energy for a square by (ux, uy, wx, wy), the second made semi-definite.
 
     Parameters
     ----------
@@ -132,6 +132,24 @@ def corner_derivatives(
             )
 
 
+@helper()
+def fill_image(target: Target, weights: FloatArray) -> None:
+    """Write down the image of a corner under the map that makes its target shape square.
+
+    The image of the edges u, w is u, m12 u + m22 w, up to a common factor that the energy does not
+    feel: then |image|² is m22 times the form of `corner_energy`.
+
+    Parameters
+    ----------
+    weights : (3, 2)
+        Overwritten. What the corner, its next and its previous vertex add to each of the two.
+    """
+    _, m12, m22 = target
+    weights[0, 0], weights[0, 1] = -1.0, -(m12 + m22)
+    weights[1, 0], weights[1, 1] = 1.0, m12
+    weights[2, 0], weights[2, 1] = 0.0, m22
+
+
 @kernel()
 def assemble(
     xy: FloatArray,
@@ -159,16 +177,14 @@ def assemble(
     gradient[:] = 0.0
     values[:] = 0.0
     g, h = np.empty(4), np.empty((4, 4))
-    # The corner's energy sees its three vertices through u and w: row by vertex (corner, next,
-    # previous), column by vector.
-    weights = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
-    # In a triangle w is replaced by (2 w − u) / √3.
-    triangle_weights = np.array([[-1.0, -INV_ROOT3], [1.0, -INV_ROOT3], [0.0, 2.0 * INV_ROOT3]])
+    square, equilateral = np.empty((3, 2)), np.empty((3, 2))
+    fill_image(SQUARE, square)
+    fill_image(EQUILATERAL, equilateral)
     ids = np.empty(3, np.int64)
     for c in range(cell_offsets.size - 1):
         first, last = cell_offsets[c], cell_offsets[c + 1]
         triangle = last - first == 3
-        weight = triangle_weights if triangle else weights
+        weight = equilateral if triangle else square
         for k in range(first, last):
             ids[0] = cell_vertices[k]
             ids[1] = cell_vertices[k + 1] if k + 1 < last else cell_vertices[first]

@@ -13,19 +13,24 @@ import math
 import numpy as np
 from numba import prange
 
-from qsmooth._types import BlockArray, BoolArray, FloatArray, IndexArray, TableArray
+from qsmooth._types import BoolArray, FloatArray, IndexArray, TableArray
 from qsmooth.kernels._jit import helper, lane_helper, parallel_kernel
-from qsmooth.kernels.blocks import FIRST, LANES, N_QUADS, N_TRIANGLES, SIZE, STAR, lane_row
+from qsmooth.kernels.blocks import FIRST, LANES, N_QUADS, N_TRIANGLES, SIZE, Blocks
+from qsmooth.kernels.corner_energy import (
+    Linear,
+    determinant,
+    determinant_to_next,
+    determinant_to_previous,
+    equilateral_numerator,
+    fixed_half_square,
+    half_square,
+    square_numerator,
+)
 from qsmooth.kernels.geometry import distance, orientation
-from qsmooth.kernels.newton import (
-    ENERGY,
+from qsmooth.kernels.lanes import (
     FRACTIONS,
-    GX,
-    GY,
-    HXX,
-    HXY,
-    HYY,
-    INV_ROOT3,
+    N_ROWS,
+    OWN,
     PX,
     PY,
     ROW,
@@ -34,69 +39,49 @@ from qsmooth.kernels.newton import (
     ROW4,
     ROW5,
     ROW6,
-    TODO,
     TRIAL,
     X,
     Y,
+    add_energy,
     gather_block,
     newton_step,
     start_trial,
+    store_better,
 )  # fmt: skip
 
-N_ROWS = 16
-# One more row of scratch: the vertex's ε r.
-SOFT = lane_row(15)
+# Row of scratch: the vertex's ε r.
+SOFT = OWN
 
 
 @lane_helper()
-def _regularised(det: float, soft: float) -> tuple[float, float]:
-    """Positive stand-in for a determinant, and its derivative; `soft` is ε r."""
-    root = math.sqrt(det * det + soft * soft)
+def _regularised(det: Linear, soft: float) -> Linear:
+    """Positive stand-in for a determinant, taken to be linear; `soft` is ε r.
+
+    With a linear denominator the Hessian of the energy is never indefinite.
+    """
+    root = math.sqrt(det.value * det.value + soft * soft)
     # Two forms of one value: each without cancellation on its side.
-    value = 0.5 * (det + root) if det > 0.0 else 0.5 * soft * soft / (root - det)
-    return value, value / root
-
-
-@lane_helper()
-def _add_corner(
-    det: float, squares: float, nx: float, ny: float, dx: float, dy: float, n2: float, scale: float,
-    s: FloatArray, i: int,
-) -> None:  # fmt: skip
-    value, slope = _regularised(det, s[SOFT + i])
-    inv = 1.0 / value
-    f = scale * squares * inv
-    dx, dy = slope * dx, slope * dy
-    fx, fy = (scale * nx - f * dx) * inv, (scale * ny - f * dy) * inv
-    s[ENERGY + i] += f
-    s[GX + i] += fx
-    s[GY + i] += fy
-    # The Hessian as if the stand-in were linear: then it is never indefinite.
-    s[HXX + i] += (scale * n2 - 2.0 * fx * dx) * inv
-    s[HXY + i] -= (fx * dy + fy * dx) * inv
-    s[HYY + i] += (scale * n2 - 2.0 * fy * dy) * inv
+    value = 0.5 * (det.value + root) if det.value > 0.0 else 0.5 * soft * soft / (root - det.value)
+    slope = value / root
+    return Linear(value, slope * det.x, slope * det.y)
 
 
 @helper()
 def _add_quad(star: FloatArray, s: FloatArray, k: int, n: int) -> None:
     for i in range(n):
-        px, py = s[X + i], s[Y + i]
+        px, py, soft = s[X + i], s[Y + i], s[SOFT + i]
         ax, ay = star[k + i] - px, star[k + ROW + i] - py
         bx, by = star[k + ROW2 + i] - px, star[k + ROW3 + i] - py
         cx, cy = star[k + ROW4 + i] - px, star[k + ROW5 + i] - py
-        _add_corner(
-            ax * cy - ay * cx, ax * ax + ay * ay + cx * cx + cy * cy,
-            -2.0 * (ax + cx), -2.0 * (ay + cy), ay - cy, cx - ax, 4.0, 0.5, s, i,
-        )  # fmt: skip
-        ux, uy = bx - ax, by - ay
-        _add_corner(
-            uy * ax - ux * ay, ux * ux + uy * uy + ax * ax + ay * ay,
-            -2.0 * ax, -2.0 * ay, -uy, ux, 2.0, 0.5, s, i,
-        )  # fmt: skip
-        ux, uy = bx - cx, by - cy
-        _add_corner(
-            cy * ux - cx * uy, ux * ux + uy * uy + cx * cx + cy * cy,
-            -2.0 * cx, -2.0 * cy, uy, -ux, 2.0, 0.5, s, i,
-        )  # fmt: skip
+        va, vc = half_square(ax, ay), half_square(cx, cy)
+        det = _regularised(determinant(ax, ay, cx, cy), soft)
+        add_energy(square_numerator(va, vc), det, 1.0, s, i)
+        ex, ey = bx - ax, by - ay
+        det = _regularised(determinant_to_previous(ex, ey, -ax, -ay), soft)
+        add_energy(square_numerator(fixed_half_square(ex, ey), va), det, 1.0, s, i)
+        ex, ey = bx - cx, by - cy
+        det = _regularised(determinant_to_next(-cx, -cy, ex, ey), soft)
+        add_energy(square_numerator(vc, fixed_half_square(ex, ey)), det, 1.0, s, i)
 
 
 @helper()
@@ -105,31 +90,27 @@ def _add_triangle(star: FloatArray, s: FloatArray, k: int, n: int) -> None:
         px, py = s[X + i], s[Y + i]
         ax, ay = star[k + i] - px, star[k + ROW + i] - py
         cx, cy = star[k + ROW2 + i] - px, star[k + ROW3 + i] - py
-        _add_corner(
-            ax * cy - ay * cx, ax * ax + ay * ay + cx * cx + cy * cy - ax * cx - ay * cy,
-            -(ax + cx), -(ay + cy), ay - cy, cx - ax, 2.0, INV_ROOT3, s, i,
-        )  # fmt: skip
-
-
-@lane_helper()
-def _try_corner(det: float, squares: float, scale: float, s: FloatArray, i: int) -> None:
-    value, _ = _regularised(det, s[SOFT + i])
-    s[TRIAL + i] += scale * squares / value
+        va, vc, ac = half_square(ax, ay), half_square(cx, cy), fixed_half_square(cx - ax, cy - ay)
+        det = _regularised(determinant(ax, ay, cx, cy), s[SOFT + i])
+        add_energy(equilateral_numerator(va, vc, ac), det, 1.0, s, i)
 
 
 @helper()
 def _try_quad(star: FloatArray, s: FloatArray, k: int, n: int) -> None:
     for i in range(n):
-        px, py = s[PX + i], s[PY + i]
+        px, py, soft = s[PX + i], s[PY + i], s[SOFT + i]
         ax, ay = star[k + i] - px, star[k + ROW + i] - py
         bx, by = star[k + ROW2 + i] - px, star[k + ROW3 + i] - py
         cx, cy = star[k + ROW4 + i] - px, star[k + ROW5 + i] - py
-        va, vc = ax * ax + ay * ay, cx * cx + cy * cy
-        _try_corner(ax * cy - ay * cx, va + vc, 0.5, s, i)
-        ux, uy = bx - ax, by - ay
-        _try_corner(uy * ax - ux * ay, ux * ux + uy * uy + va, 0.5, s, i)
-        ux, uy = bx - cx, by - cy
-        _try_corner(cy * ux - cx * uy, ux * ux + uy * uy + vc, 0.5, s, i)
+        va, vc = half_square(ax, ay), half_square(cx, cy)
+        det = _regularised(determinant(ax, ay, cx, cy), soft)
+        s[TRIAL + i] += square_numerator(va, vc).value / det.value
+        ex, ey = bx - ax, by - ay
+        det = _regularised(determinant_to_previous(ex, ey, -ax, -ay), soft)
+        s[TRIAL + i] += square_numerator(fixed_half_square(ex, ey), va).value / det.value
+        ex, ey = bx - cx, by - cy
+        det = _regularised(determinant_to_next(-cx, -cy, ex, ey), soft)
+        s[TRIAL + i] += square_numerator(fixed_half_square(ex, ey), vc).value / det.value
 
 
 @helper()
@@ -138,17 +119,28 @@ def _try_triangle(star: FloatArray, s: FloatArray, k: int, n: int) -> None:
         px, py = s[PX + i], s[PY + i]
         ax, ay = star[k + i] - px, star[k + ROW + i] - py
         cx, cy = star[k + ROW2 + i] - px, star[k + ROW3 + i] - py
-        squares = ax * ax + ay * ay + cx * cx + cy * cy - ax * cx - ay * cy
-        _try_corner(ax * cy - ay * cx, squares, INV_ROOT3, s, i)
+        va, vc, ac = half_square(ax, ay), half_square(cx, cy), fixed_half_square(cx - ax, cy - ay)
+        det = _regularised(determinant(ax, ay, cx, cy), s[SOFT + i])
+        s[TRIAL + i] += equilateral_numerator(va, vc, ac).value / det.value
 
 
 @helper()
 def _move_block(
-    xy: FloatArray, vertices: TableArray, stars: TableArray, first: int, n: int, quads: int,
-    triangles: int, entry: int, relaxation: float, sizes: FloatArray, epsilon: float,
-    star_xy: FloatArray, s: FloatArray, moves: FloatArray,
-) -> None:  # fmt: skip
-    gather_block(xy, vertices, stars, first, n, 3 * quads + 2 * triangles, entry, star_xy, s, moves)
+    xy: FloatArray,
+    blocks: Blocks,
+    b: int,
+    relaxation: float,
+    sizes: FloatArray,
+    epsilon: float,
+    star_xy: FloatArray,
+    s: FloatArray,
+    lengths: FloatArray,
+) -> None:
+    gather_block(xy, blocks, b, star_xy, s, lengths)
+    vertices, first = blocks.vertices, blocks.table[b, FIRST]
+    n, quads, triangles = (
+        blocks.table[b, SIZE], blocks.table[b, N_QUADS], blocks.table[b, N_TRIANGLES]
+    )  # fmt: skip
     for i in range(n):
         s[SOFT + i] = epsilon * sizes[vertices[first + i]]
     triangle_rows = quads * ROW6
@@ -166,24 +158,21 @@ def _move_block(
             _try_quad(star_xy, s, k * ROW6, n)
         for k in range(triangles):
             _try_triangle(star_xy, s, triangle_rows + k * ROW4, n)
-        left = 0.0
-        for i in range(n):
-            if (s[TRIAL + i] < s[ENERGY + i]) & (s[TODO + i] > 0.0):
-                v = vertices[first + i]
-                xy[v, 0], xy[v, 1] = s[PX + i], s[PY + i]
-                dx, dy = s[PX + i] - s[X + i], s[PY + i] - s[Y + i]
-                moves[first + i] = math.sqrt(dx * dx + dy * dy)
-                s[TODO + i] = 0.0
-            left += s[TODO + i]
+        # No margin is asked for: the mesh need not be valid.
+        left = store_better(xy, blocks, b, s, lengths)
         fraction = FRACTIONS[min(attempt, len(FRACTIONS) - 1)]
 
 
 @parallel_kernel()
 def untangle_sweep(
-    xy: FloatArray, colour_blocks: IndexArray, blocks: BlockArray, vertices: TableArray,
-    stars: TableArray, largest_star: int, relaxation: float, sizes: FloatArray, epsilon: float,
-    moves: FloatArray,
-) -> None:  # fmt: skip
+    xy: FloatArray,
+    blocks: Blocks,
+    colours: tuple[int, int],
+    relaxation: float,
+    sizes: FloatArray,
+    epsilon: float,
+    lengths: FloatArray,
+) -> None:
     """Move each vertex once, downhill on its star's regularised energy, in place.
 
     Parameters
@@ -192,17 +181,13 @@ def untangle_sweep(
         Local mean squared edge length r.
     epsilon
         Regularisation ε; dimensionless.
-    xy, colour_blocks, blocks, vertices, stars, largest_star, relaxation, moves
-        As in `newton.newton_sweep`; the mesh need not be valid.
+    xy, blocks, colours, relaxation, lengths
+        As in `newton_sweep.newton_sweep`; the mesh need not be valid.
     """
-    for colour in range(colour_blocks.size - 1):
-        for b in prange(colour_blocks[colour], colour_blocks[colour + 1]):
-            scratch, star_xy = np.empty(N_ROWS * LANES), np.empty(6 * largest_star * LANES)
-            _move_block(
-                xy, vertices, stars, blocks[b, FIRST], blocks[b, SIZE], blocks[b, N_QUADS],
-                blocks[b, N_TRIANGLES], blocks[b, STAR], relaxation, sizes, epsilon, star_xy,
-                scratch, moves,
-            )  # fmt: skip
+    for colour in range(colours[0], colours[1]):
+        for b in prange(blocks.colour_blocks[colour], blocks.colour_blocks[colour + 1]):
+            scratch, star_xy = np.empty(N_ROWS * LANES), np.empty(6 * blocks.largest * LANES)
+            _move_block(xy, blocks, b, relaxation, sizes, epsilon, star_xy, scratch, lengths)
 
 
 @parallel_kernel()

@@ -9,15 +9,10 @@ import math
 
 import numpy as np
 
-from qsmooth._types import FloatArray, TableArray
+from qsmooth._types import FloatArray
 from qsmooth.kernels._jit import helper
-from qsmooth.kernels.guards import (
-    clearance,
-    guard_lines,
-    keeps_clearance,
-    tolerated_loss,
-)
-from qsmooth.kernels.topology import NO_VERTEX
+from qsmooth.kernels.guards import clearance, guard_lines, keeps_clearance, tolerated_loss
+from qsmooth.kernels.stars import NO_VERTEX, Stars
 
 # Rows of the thresholds: by kind of cell. Columns: too large, too small; see `thresholds`.
 QUAD, TRIANGLE = 0, 1
@@ -39,7 +34,7 @@ def thresholds(
 
 @helper()
 def _push(
-    ux: float, uy: float, wx: float, wy: float, limit: FloatArray, kind: int, step: float
+    ux: float, uy: float, wx: float, wy: float, angles: FloatArray, kind: int, step: float
 ) -> tuple[float, float, float, float, float]:
     """Look at the corner at the origin between its next vertex u and its previous vertex w.
 
@@ -66,18 +61,18 @@ def _push(
     slide = step * 0.5 * ((ux + wx) * tx + (uy + wy) * ty)
     push, shrink = 0.0, 0.0
     if edges > 0.0:
-        if jacobian < 0.0 or dot < limit[kind, COS_MAX] * edges:  # too large an angle
-            wanted = limit[kind, HEIGHT_MAX] * length
+        if jacobian < 0.0 or dot < angles[kind, COS_MAX] * edges:  # too large an angle
+            wanted = angles[kind, HEIGHT_MAX] * length
             if height < wanted:
                 push = step * (wanted - height)
-            wanted = abs(height) / limit[kind, HEIGHT_MAX]
+            wanted = abs(height) / angles[kind, HEIGHT_MAX]
             if length > wanted:
                 shrink = 0.5 * step * (length - wanted)
-        elif dot > limit[kind, COS_MIN] * edges:  # too small an angle
-            wanted = limit[kind, HEIGHT_MIN] * length
+        elif dot > angles[kind, COS_MIN] * edges:  # too small an angle
+            wanted = angles[kind, HEIGHT_MIN] * length
             if height > wanted:
                 push = step * (wanted - height)
-            wanted = abs(height) / limit[kind, HEIGHT_MIN]
+            wanted = abs(height) / angles[kind, HEIGHT_MIN]
             if length < wanted:
                 shrink = max(0.5 * step * (length - wanted), -0.5 * step * length)
     return tx, ty, push, slide, shrink
@@ -104,21 +99,31 @@ def _add_if_kept(
 @helper()
 def mean_proposal(
     xy: FloatArray,
-    v: int,
-    corners: TableArray,
-    cells: TableArray,
-    first: int,
-    last: int,
+    stars: Stars,
+    i: int,
     pace: FloatArray,
-    limit: FloatArray,
+    angles: FloatArray,
     step: float,
     by_quad: bool,
     lines: FloatArray,
 ) -> tuple[float, float, float]:
-    """Average the accepted proposals that the cells of v's star make for it.
+    """Average the accepted proposals that the cells around a vertex v make for it.
 
     Each cell pushes or pulls v and evens it out; `by_quad` adds what its two neighbours' corners
     propose to v as an end of their diagonals.
+
+    Parameters
+    ----------
+    i
+        Position of v in `stars.vertices`.
+    pace : (n_cells,)
+        Multiple of `step` at which each cell proposes; 0 for a cell that proposes nothing.
+    angles : (2, 4)
+        As `thresholds` tabulates them.
+    step
+        Fraction of each move that is proposed, in (0, 1].
+    lines : (3 * stars.largest, 3)
+        Scratch: overwritten with the guard lines of v.
 
     Returns
     -------
@@ -127,32 +132,33 @@ def mean_proposal(
     shortest
         Shortest edge of v.
     """
-    n_lines, longest, shortest, largest = guard_lines(xy, v, corners, first, last, lines)
+    n_lines, longest, shortest, largest = guard_lines(xy, stars, i, lines)
     loss = tolerated_loss(longest, largest)
     least = clearance(lines, n_lines) - loss
+    v, corners = stars.vertices[i], stars.corners
     x, y = xy[v, 0], xy[v, 1]
     sx, sy, count = 0.0, 0.0, 0
-    for row in range(first, last):
-        stride = step * pace[cells[row]]
+    for row in range(stars.offsets[i], stars.offsets[i + 1]):
+        stride = step * pace[stars.cells[row]]
         if stride == 0.0:
             continue
         a, b, c = corners[row, 0], corners[row, 1], corners[row, 2]
         ax, ay = xy[a, 0] - x, xy[a, 1] - y
         cx, cy = xy[c, 0] - x, xy[c, 1] - y
         kind = TRIANGLE if b == NO_VERTEX else QUAD
-        tx, ty, push, slide, _ = _push(ax, ay, cx, cy, limit, kind, stride)
+        tx, ty, push, slide, _ = _push(ax, ay, cx, cy, angles, kind, stride)
         sx, sy, count = _add_if_kept(
             lines, n_lines, least, loss, -ty * push, tx * push, sx, sy, count
         )
         if by_quad and kind == QUAD:
             bx, by = xy[b, 0] - x, xy[b, 1] - y
             # v is the previous vertex of corner a, whose diagonal runs from b to v,
-            tx2, ty2, _, _, shrink = _push(bx - ax, by - ay, -ax, -ay, limit, kind, stride)
+            tx2, ty2, _, _, shrink = _push(bx - ax, by - ay, -ax, -ay, angles, kind, stride)
             sx, sy, count = _add_if_kept(
                 lines, n_lines, least, loss, -tx2 * shrink, -ty2 * shrink, sx, sy, count
             )
             # and the next vertex of corner c, whose diagonal runs from v to b.
-            tx2, ty2, _, _, shrink = _push(-cx, -cy, bx - cx, by - cy, limit, kind, stride)
+            tx2, ty2, _, _, shrink = _push(-cx, -cy, bx - cx, by - cy, angles, kind, stride)
             sx, sy, count = _add_if_kept(
                 lines, n_lines, least, loss, tx2 * shrink, ty2 * shrink, sx, sy, count
             )
