@@ -18,6 +18,7 @@ _HOMES = {
     "Summary": "metrics",
     "SweepRecord": "smoothing",
     "Validity": "metrics",
+    "from_meshio": "adapters.meshio_mesh",
     "limits": "metrics",
     "plot_comparison": "plot",
     "plot_histograms": "plot",
@@ -32,6 +33,7 @@ _HOMES = {
     "smooth_quad": "smoothing",
     "smooth_smart_laplacian": "smoothing",
     "smooth_star": "smoothing",
+    "to_meshio": "adapters.meshio_mesh",
     "untangle": "smoothing",
     "write_mesh": "io",
 }
@@ -47,6 +49,7 @@ __all__ = [
     "SweepRecord",
     "Validity",
     "__version__",
+    "from_meshio",
     "limits",
     "plot_comparison",
     "plot_histograms",
@@ -61,11 +64,13 @@ __all__ = [
     "smooth_quad",
     "smooth_smart_laplacian",
     "smooth_star",
+    "to_meshio",
     "untangle",
     "write_mesh",
 ]
 
 if TYPE_CHECKING:
+    from qsmooth.adapters.meshio_mesh import from_meshio, to_meshio
     from qsmooth.errors import MeshError, MeshWarning
     from qsmooth.io import read_mesh, write_mesh
     from qsmooth.mesh import Mesh
