@@ -295,7 +295,7 @@ def smooth(
     worst_first
         Smooth the worst group (of `worst_fraction`) first, then the rest, then all, each for a
         third of the sweeps or until it rests. Gains little over plain sweeps with the default
-        step (``benchmarks/study_subset.py``), as does `bad_step`.
+        step (``studies/subset.py``), as does `bad_step`.
     bad_angle, bad_step
         Cells whose largest angle is over `bad_angle` degrees propose moves by `bad_step`, in
         (0, 2], instead of `step`; None for no difference.
@@ -615,7 +615,7 @@ def smooth_aspect_ratio(
     larger is shortened. Quads propose nothing, but their validity and quality is kept.
 
     The source leaves open how to average, and has 1.5 for `max_edge_ratio`; these defaults were
-    the best over random triangulations (``benchmarks/study_triangles.py``).
+    the best over random triangulations (``studies/triangles.py``).
 
     Parameters, result and errors are those of `smooth`; also a `ValueError` where there is no
     triangle.
