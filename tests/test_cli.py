@@ -28,7 +28,7 @@ def coarse(monkeypatch):
 @pytest.fixture
 def mesh_file(tmp_path):
     path = tmp_path / "mesh.off"
-    write_mesh(path, Mesh(*spiral(300, seed=1)))
+    write_mesh(path, spiral(300, seed=1))
     return path
 
 
@@ -184,7 +184,8 @@ def test_mesh_warnings_are_one_line(call, tmp_path):
     from qsmooth.errors import MeshWarning
 
     path = tmp_path / "mesh.vtk"
-    write_mesh(path, Mesh(*spiral(300), regions=np.arange(len(spiral(300)[1])) % 2))
+    mesh = spiral(300)
+    write_mesh(path, Mesh(mesh.points, mesh.cells, regions=np.arange(mesh.n_cells) % 2))
     code, _, err = call("smooth", path, "-o", tmp_path / "out.off", "--sweeps", 1)
     assert code == 0
     assert re.fullmatch(r"qsmooth: warning: [^\n]*2 regions[^\n]*\n", err)
@@ -433,11 +434,10 @@ def test_figures_without_matplotlib(fails, mesh_file, tmp_path, monkeypatch):
 
 
 def test_z_as_a_value(call, fails, tmp_path):
-    points, quads = spiral(300)
+    mesh = spiral(300)
     path = tmp_path / "bed.off"
-    write_mesh(
-        path, Mesh(np.column_stack([points, np.sin(9 * points[:, 0])]), quads, surface="flat")
-    )
+    bed = np.sin(9 * mesh.points[:, 0])
+    write_mesh(path, Mesh(np.column_stack([mesh.points, bed]), mesh.cells, surface="flat"))
     assert "--surface flat" in fails("quality", path)
     for command in (["quality"], ["info"], ["compare", "--sweeps", 2]):
         assert call(command[0], path, "--surface", "flat", *command[1:])[0] == 0

@@ -1,6 +1,6 @@
 """What each method makes of several meshes with its defaults: the table of the README.
 
-    python benchmarks/study_methods.py [FILE ...]
+    python studies/methods.py [FILE ...]
 
 prints, for generated meshes and the given files, the smallest and largest angle, the mean shape
 and the count of cells that are not valid; then the largest aspect ratio and the uniformity.
@@ -25,7 +25,7 @@ from qsmooth.examples import (
 from qsmooth.smoothing import METHODS, why_not
 
 MESHES = {
-    "`spiral()`, 1.9K quads": lambda: Mesh(*spiral()),
+    "`spiral()`, 1.9K quads": spiral,
     "`lake()`, 24K quads": lake,
     "`notch()`, 1.6K quads": notch,
     "`boundary_layer()`, 1.4K quads": boundary_layer,

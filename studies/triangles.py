@@ -1,8 +1,8 @@
 """The circumcircle method beside the angle-based one on random triangulations of a square.
 
-    python benchmarks/study_triangles.py               # the defaults, 20 meshes of each size
-    python benchmarks/study_triangles.py --readings    # and what the method's source leaves open
-    python benchmarks/study_triangles.py --seeds 100 160 --readings
+    python studies/triangles.py               # the defaults, 20 meshes of each size
+    python studies/triangles.py --readings    # and what the method's source leaves open
+    python studies/triangles.py --seeds 100 160 --readings
 
 For each size: in how many meshes the largest aspect ratio (longest over shortest edge of a cell)
 is smaller after the aspect-ratio method than after the angle-based one, guarded and as published,
