@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from qsmooth.mesh import MeshLike, as_mesh
 from qsmooth.methods.base import Method
 from qsmooth.registry import all_methods, choose, method_class, methods
 from qsmooth.result import SmoothResult
