@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from qsmooth.adapters import to_mesh
 from qsmooth.methods.base import Method
 from qsmooth.registry import all_methods, choose, method_class, methods
 from qsmooth.result import SmoothResult
