@@ -198,7 +198,7 @@ class Case:
         xy, s = self.mesh.xy.copy(), self.stars
         for _ in range(SWEEPS):
             plain_sweep(
-                xy, s.vertices, s.offsets, s.corners, self.sizes, self.epsilon, WEIGHT, LIMIT,
+                xy, s.vertices, s.offsets, s.corners, self.sizes, self.epsilon, WEIGHT, THRESHOLD,
                 SQUARINGS,
             )  # fmt: skip
         return xy
