@@ -91,8 +91,6 @@ def _step_within_ratio(
     """
     x, y = xy[centre.v, 0], xy[centre.v, 1]
     dx, dy = step.dx, step.dy
-    if dx == 0.0 and dy == 0.0:
-        return x, y
     allowed = max(tolerated * tolerated, star_edge_ratio(xy, corners, centre, x, y))
     for _ in range(HALVINGS + 1):
         new_x, new_y = allowed_step(xy, corners, centre, dx, dy, good, lines, NO_FENCE)
@@ -190,5 +188,8 @@ def aspect_ratio_sweep(
                 wanted = mean_along_circumcircles(
                     xy, corners, v, max_edge_ratio, step, power, lines
                 )
+                lengths[i], shares[i] = 0.0, 0.0
+                if wanted.dx == 0.0 and wanted.dy == 0.0:
+                    continue
                 x, y = _step_within_ratio(xy, corners, v, wanted, tolerated, good, lines)
                 store_move(xy, v, x, y, wanted.shortest, lengths, shares)

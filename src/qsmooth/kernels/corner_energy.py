@@ -76,13 +76,13 @@ def fixed_half_square(x: float, y: float) -> Quadratic:
 
 
 @lane_helper()
-def product(ux: float, uy: float, wx: float, wy: float) -> Quadratic:
+def dot(ux: float, uy: float, wx: float, wy: float) -> Quadratic:
     """u·w of two edges from the vertex that moves."""
     return Quadratic(ux * wx + uy * wy, -(ux + wx), -(uy + wy), 2.0)
 
 
 @lane_helper()
-def product_with_fixed(ux: float, uy: float, ex: float, ey: float) -> Quadratic:
+def dot_with_fixed(ux: float, uy: float, ex: float, ey: float) -> Quadratic:
     """u·e of an edge u that runs to the vertex that moves, and an edge e that does not change."""
     return Quadratic(ux * ex + uy * ey, ex, ey, 0.0)
 
@@ -171,7 +171,7 @@ def hessian(second: float, x: float, y: float, det: Linear) -> tuple[float, floa
 def corner_shape(target: Target, ux: float, uy: float, wx: float, wy: float) -> tuple[float, float]:
     """Numerator and determinant of the energy of a corner."""
     uu, ww = half_square(ux, uy), half_square(wx, wy)
-    shape = numerator(target, uu, product(ux, uy, wx, wy), ww)
+    shape = numerator(target, uu, dot(ux, uy, wx, wy), ww)
     return shape.value, determinant(ux, uy, wx, wy).value
 
 
