@@ -166,7 +166,7 @@ def test_energy_never_rises_where_sizes_are_constant(kind, size, seed, amount, e
 @given(KINDS_OF_MESH, SEEDS, st.sampled_from(EPSILONS))
 def test_a_vertex_alone_never_goes_uphill_whatever_its_size(kind, seed, epsilon):
     made = tangled(kind, 3, seed)
-    movable = made._topology.schedule(True).vertices.tolist()
+    movable = made.topology.schedule(True).vertices.tolist()
     v = movable[seed % len(movable)]
     fixed = np.ones(made.n_vertices, np.bool_)
     fixed[v] = False
