@@ -1,5 +1,7 @@
 # The public names and where they live: the one list of them. `__init__.py` loads each when it is
 # first used.
+from .adapters.meshio_mesh import from_meshio as from_meshio
+from .adapters.meshio_mesh import to_meshio as to_meshio
 from .errors import MeshError as MeshError
 from .errors import MeshWarning as MeshWarning
 from .io import read_mesh as read_mesh

@@ -5,67 +5,63 @@ from __future__ import annotations
 import contextlib
 import io
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from qsmooth.errors import MeshError
-from qsmooth.io.document import Document, region_tags
+from qsmooth.io.file_content import FileContent, region_tags
 from qsmooth.io.files import reason, replace_file
 
 if TYPE_CHECKING:
     import meshio
 
-# Formats that qsmooth reads itself, by meshio's names.
-OWN = frozenset(
-    ("abaqus", "avsucd", "gmsh", "medit", "obj", "off", "ply", "su2", "vtk", "vtu", "ansys-apdl")
-)
 # Their files hold no mesh that could be read back.
 NOT_MESHES = frozenset(("svg", "neuroglancer"))
 # One mesh in several files cannot be replaced in one step.
 SEVERAL_FILES = frozenset(("tetgen", "xdmf"))
 
 
-def names(path: Path) -> list[str]:
-    """Names of the formats that meshio has for this ending, qsmooth's own left out."""
+def names(path: Path, without: Set[str]) -> list[str]:
+    """Names of the formats that meshio has for this ending, `without` left out."""
     import meshio
 
     found = meshio.extension_to_filetypes.get(path.suffix.lower(), [])
-    return [name for name in found if name not in OWN | NOT_MESHES]
+    return [name for name in found if name not in without | NOT_MESHES]
 
 
-def formats() -> dict[str, tuple[str, ...]]:
-    """Names and endings of meshio's formats, qsmooth's own left out."""
+def formats(without: Set[str]) -> dict[str, tuple[str, ...]]:
+    """Names and endings of meshio's formats, `without` left out."""
     import meshio
 
     endings: dict[str, list[str]] = {}
     for ending, found in meshio.extension_to_filetypes.items():
         for name in found:
-            if name not in OWN | NOT_MESHES:
+            if name not in without | NOT_MESHES:
                 endings.setdefault(name, []).append(ending)
     return {name: tuple(found) for name, found in sorted(endings.items())}
 
 
-def read(path: Path, name: str) -> Document:
+def read(path: Path, name: str) -> FileContent:
     """Read through meshio; every way in which it fails is a MeshError."""
     import meshio
 
     with _quiet() as said, _as_mesh_error(said):
         mesh = meshio.read(path, file_format=name)
-    document = from_meshio(mesh)
-    document.format = name
-    return document
+    content = content_of(mesh)
+    content.format = name
+    return content
 
 
-def write(document: Document, path: Path, name: str) -> list[str]:
+def write(content: FileContent, path: Path, name: str) -> list[str]:
     """Write through meshio, read back what was written and list what is missing there."""
     import meshio
 
     if name in SEVERAL_FILES:
         raise MeshError(f"cannot write '{path}': format {name} takes several files")
-    mesh = to_meshio(document)
+    mesh = meshio_of(content)
     lost: list[str] = []
 
     def fill(temporary: Path) -> None:
@@ -83,8 +79,8 @@ def write(document: Document, path: Path, name: str) -> list[str]:
     return lost
 
 
-def from_meshio(mesh: meshio.Mesh) -> Document:
-    """Document of a mesh in memory, checked: meshio takes much that is no mesh.
+def content_of(mesh: meshio.Mesh) -> FileContent:
+    """Content of a mesh in memory, checked: meshio takes much that is no mesh.
 
     Raises
     ------
@@ -118,7 +114,7 @@ def from_meshio(mesh: meshio.Mesh) -> Document:
         pair = np.asarray(value)
         if pair.shape == (2,) and pair.dtype.kind in "iu":  # Gmsh's physical names
             groups[name] = (int(pair[0]), int(pair[1]))
-    return Document(
+    return FileContent(
         points.astype(np.float64),
         blocks,
         region_tags(cell_data, blocks),
@@ -131,21 +127,21 @@ def from_meshio(mesh: meshio.Mesh) -> Document:
     )
 
 
-def to_meshio(document: Document) -> meshio.Mesh:
-    """The document as a mesh of meshio; regions become cell data "region"."""
+def meshio_of(content: FileContent) -> meshio.Mesh:
+    """The content as a mesh of meshio; regions become cell data "region"."""
     import meshio
 
-    cell_data = dict(document.cell_data)
-    if document.tags is not None and region_tags(cell_data, document.blocks) is None:
-        cell_data["region"] = document.tags
+    cell_data = dict(content.cell_data)
+    if content.tags is not None and region_tags(cell_data, content.blocks) is None:
+        cell_data["region"] = content.tags
     return meshio.Mesh(
-        document.points,
-        document.blocks,
-        point_data=document.point_data,
+        content.points,
+        content.blocks,
+        point_data=content.point_data,
         cell_data=cell_data,
-        field_data=document.field_data,
-        point_sets=document.point_sets,
-        cell_sets=document.cell_sets,
+        field_data=content.field_data,
+        point_sets=content.point_sets,
+        cell_sets=content.cell_sets,
     )
 
 

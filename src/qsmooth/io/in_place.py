@@ -13,7 +13,7 @@ from qsmooth._types import FloatArray, IndexArray
 Edit = tuple[int, int, bytes]
 
 
-class Splice(Protocol):
+class InPlace(Protocol):
     """What can write coordinates back into the bytes they came from."""
 
     def write(self, data: bytes, old: FloatArray, new: FloatArray) -> bytes:

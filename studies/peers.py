@@ -1,8 +1,8 @@
 """Run qsmooth beside other smoothers on the same meshes, all in one run.
 
-    python benchmarks/peers.py                          # what is installed, meshes of 2K cells
-    python benchmarks/peers.py --size 24000 --repeat 1 --limit 300
-    python benchmarks/peers.py --peer mfem --mesh fold --python /path/to/another/python
+    python studies/peers.py                          # what is installed, meshes of 2K cells
+    python studies/peers.py --size 24000 --repeat 1 --limit 300
+    python studies/peers.py --peer mfem --mesh fold --python /path/to/another/python
 
 Every run has a process of its own with a time limit, as some libraries end the process on meshes
 they can't handle. A small mesh goes through first, so that nothing is compiled or loaded in the

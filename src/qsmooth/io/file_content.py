@@ -10,7 +10,7 @@ import numpy as np
 
 from qsmooth._types import FloatArray, IndexArray
 from qsmooth.errors import MeshError
-from qsmooth.io.splice import Slots, Splice
+from qsmooth.io.in_place import InPlace, Slots
 from qsmooth.io.text import line_of
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ REGION_NAMES = (
 
 
 @dataclass
-class Document:
+class FileContent:
     """One mesh as its file has it.
 
     Parameters
@@ -87,7 +87,7 @@ class Document:
     format: str = ""
     ending: str = ""
     data: bytes = b""
-    slots: Splice | None = None
+    slots: InPlace | None = None
     places: list[IndexArray] | None = None
 
     @property
@@ -166,7 +166,7 @@ class Document:
         return where
 
     def to_mesh(self, surface: Surface) -> Mesh:
-        """Mesh of the triangles and quads, which carries this document with it."""
+        """Mesh of the triangles and quads, which carries this content with it."""
         # Here, as Mesh brings Numba, which reading a list of formats does not need.
         from qsmooth.mesh import Mesh
 
@@ -208,19 +208,19 @@ class Document:
         return lost + list(self.extras)
 
 
-def of_mesh(mesh: Mesh) -> Document:
-    """Document with the mesh's present points: what its file held besides, if it had one."""
+def of_mesh(mesh: Mesh) -> FileContent:
+    """FileContent with the mesh's present points: what its file held besides, if it had one."""
     source = mesh.source
     points = np.array(mesh.points)
-    if isinstance(source, Document):
+    if isinstance(source, FileContent):
         fields = {key: value for key, value in vars(source).items() if key not in ("data", "slots")}
-        return Document(**{**fields, "points": points})
+        return FileContent(**{**fields, "points": points})
     blocks = [("triangle" if cells.shape[1] == 3 else "quad", cells) for cells in mesh.cells]
     tags = None
     if mesh.regions is not None:
         ends = np.cumsum([len(cells) for _, cells in blocks])
         tags = np.split(np.asarray(mesh.regions), ends[:-1])
-    return Document(points, blocks, tags)
+    return FileContent(points, blocks, tags)
 
 
 def region_tags(cell_data: Mapping[str, list[Any]], blocks: list[Block]) -> list[IndexArray] | None:

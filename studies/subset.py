@@ -1,8 +1,8 @@
 """What step, thresholds and smoothing the worst cells first do to by-star and by-quad.
 
-    python benchmarks/study_subset.py                  # the packaged meshes
-    python benchmarks/study_subset.py a.off b.vtk      # others
-    python benchmarks/study_subset.py --only subset
+    python studies/subset.py                  # the packaged meshes
+    python studies/subset.py a.off b.vtk      # others
+    python studies/subset.py --only subset
 
 Prints a table for each mesh: the extremes and means after 50 sweeps, whether any of the six got
 worse than the input's, and invalid cells summed over all sweeps. Then every method with its
@@ -23,9 +23,8 @@ from pathlib import Path
 from typing import Any
 
 import qsmooth
-import qsmooth.smoothing
 from qsmooth import Mesh, SmoothResult, Summary
-from qsmooth.mesh import as_mesh
+from qsmooth.registry import method_class
 
 STEPS: dict[str, dict[str, Any]] = {
     f"step {step}": {"step": step} for step in (0.125, 0.25, 0.375, 0.5, 0.75, 1.0)
@@ -138,8 +137,9 @@ def study(name: str, mesh: Mesh, only: list[str]) -> dict[tuple[str, str], float
     results = {}
     for label, options in EVERY_METHOD.items():
         method = label.split(",")[0]
-        if not qsmooth.smoothing.why_not(mesh, method) or "split_quads" in options:
-            results[label] = qsmooth.smooth(mesh, method, rtol=0.0, **options)
+        chosen = method_class(method)(rtol=0.0, **options)
+        if not chosen.why_not(mesh):
+            results[label] = qsmooth.smooth(mesh, chosen)
             print(row(label, results[label]), flush=True)
     print("\n| method | invalid cells at the end | most after any sweep |\n| --- | --- | --- |")
     for label, result in results.items():
@@ -153,7 +153,7 @@ def packaged() -> dict[str, Mesh]:
     from qsmooth import examples
 
     return {
-        "spiral": as_mesh(examples.spiral()),
+        "spiral": examples.spiral(),
         "lake": examples.lake(6000),
         "notch": examples.notch(40),
         "jittered": examples.jittered(40, 40),
