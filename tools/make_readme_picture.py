@@ -43,11 +43,9 @@ def draw(axes, mesh: Mesh, title: str):
     left, bottom = low + np.array(CORNER) * (high - low)
     axes.set(xlim=(left, left + size), ylim=(bottom, bottom + size), aspect="equal")
     axes.set(xticks=[], yticks=[])
-    smallest, largest = measured.min_angle.min(), measured.max_angle.max()
-    axes.set_title(
-        f"{title}: angles {smallest:.1f}° to {largest:.1f}°, mean shape {measured.shape.mean():.2f}",
-        fontsize=9,
-    )
+    angles = f"{measured.min_angle.min():.1f}° to {measured.max_angle.max():.1f}°"
+    shape = measured.shape.mean()
+    axes.set_title(f"{title}: angles {angles}, mean shape {shape:.2f}", fontsize=9)
     return faces
 
 
