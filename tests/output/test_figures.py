@@ -3,11 +3,16 @@ import sys
 import numpy as np
 import pytest
 
-from qsmooth import Mesh, plot, quality, smooth
+from meshes import random_mesh
+from qsmooth import Mesh, quality, smooth
 from qsmooth.examples import spiral
-from qsmooth.plot import VIEWS, plot_comparison, plot_histograms, plot_mesh, save_figures
+from qsmooth.metrics import METRICS
+from qsmooth.output import drawing, figures
+from qsmooth.output.drawing import UNDEFINED_COLOUR
+from qsmooth.output.figures import VIEWS, plot_comparison, plot_histograms, plot_mesh, save_figures
 
 pytest.importorskip("matplotlib")
+from matplotlib.colors import to_rgba
 
 pytestmark = pytest.mark.nojit
 
@@ -17,7 +22,7 @@ TILT = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, 0.25]])
 @pytest.fixture(autouse=True)
 def coarse(monkeypatch):
     """Fewer pixels, for speed."""
-    monkeypatch.setattr(plot, "DPI", 40)
+    monkeypatch.setattr(drawing, "DPI", 40)
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +61,44 @@ def test_mesh_with_worst_cells_outlined(mesh):
     assert "Cells by scaled Jacobian" in texts(figure)
 
 
+@pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS.keys())
+def test_every_metric_is_drawn(metric):
+    mixed = random_mesh("mixed", 4, seed=2, amount=0.8).mesh
+    figure = plot_mesh(mixed, metric=metric.name, worst=3)
+    words = texts(figure)
+    assert f"Cells by {metric.words}" in words
+    assert ("more is better" if metric.higher_is_better else "less is better") in words
+    values = quality(mixed)[metric.name]
+    assert metric.text(metric.worst_of(values)) in words
+    grey = to_rgba(UNDEFINED_COLOUR)
+    # Triangles are drawn first, then quads.
+    order = np.argsort(mixed.topology.cell_sizes, kind="stable")
+    faces = np.concatenate([c.get_facecolor() for c in polygons(figure.axes[0])[:2]])
+    assert ((faces == grey).all(axis=1) == np.isnan(values[order])).all()
+    assert ("Grey: not defined" in words) == np.isnan(values).any()
+
+
+@pytest.mark.parametrize("metric", [m for m in METRICS.values() if m.bins], ids=lambda m: m.name)
+def test_every_metric_with_bins_has_a_histogram(metric):
+    mixed = random_mesh("mixed", 4, seed=2, amount=0.8).mesh
+    figure = plot_histograms(mixed, metrics=metric.name)
+    (axes,) = figure.axes
+    assert metric.title in axes.get_xlabel()
+    assert sum(bar.get_height() for bar in axes.patches) == pytest.approx(100.0)
+
+
+def test_metrics_without_bins_have_no_histogram(mesh):
+    with pytest.raises(ValueError, match="none of the metrics has a histogram"):
+        plot_histograms(mesh, metrics=["shape"])
+
+
+@pytest.mark.parametrize("corners", [[(1, 1)] * 4, [(0, 0), (1, 0), (1, 1), (0, 1)]])
+def test_a_scale_from_the_mesh_when_all_cells_are_alike(corners):
+    figure = plot_mesh((corners, [[0, 1, 2, 3]]), metric="min_edge")
+    low, high = figure.axes[1].get_ylim()
+    assert low < quality((corners, [[0, 1, 2, 3]])).min_edge[0] < high
+
+
 def test_a_small_mesh_is_not_all_outlined():
     figure = plot_mesh(([(0, 0), (1, 0), (1, 1), (0, 1)], [[0, 1, 2, 3]]))
     assert "the 1 worst cell." in texts(figure)
@@ -92,15 +135,15 @@ def test_comparison_takes_pairs(mesh, result):
 def test_histograms_of_one_and_of_two(mesh, result):
     figure = plot_histograms(result)
     assert len(figure.axes) == 3
-    heights = [bar.get_height() for bar in figure.axes[0].patches]
+    heights = [bar.get_height() for bar in figure.axes[1].patches]
     before, after = result.before.histograms["max_angle"], result.after.histograms["max_angle"]
     assert heights == pytest.approx([*before.percent, *after.percent])
     assert "Cells not valid: 0 before, 0 after." in texts(figure)
     one = plot_histograms(mesh)
-    assert len(one.axes[0].patches) == len(before.percent)
+    assert len(one.axes[1].patches) == len(before.percent)
     assert "Cells not valid: 0." in texts(one)
     pair = plot_histograms(result.before, result.after)
-    assert [bar.get_height() for bar in pair.axes[0].patches] == pytest.approx(heights)
+    assert [bar.get_height() for bar in pair.axes[1].patches] == pytest.approx(heights)
 
 
 def test_tilted_plane(mesh):
@@ -166,4 +209,4 @@ def test_missing_matplotlib_says_what_to_install(mesh, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     with pytest.raises(ImportError, match=r"pip install 'qsmooth\[plot\]'"):
-        plot.plot_mesh(mesh)
+        figures.plot_mesh(mesh)
