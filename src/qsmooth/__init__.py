@@ -1,98 +1,12 @@
 """Make 2D quadrilateral, triangle and mixed meshes better by moving vertices.
 
-Public names are loaded when first used: importing the package costs next to nothing.
+Public names are loaded when first used: importing the package costs next to nothing. They are
+listed in ``__init__.pyi``, which type checkers read, and nowhere else.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+import lazy_loader
 
 __version__ = "0.1.0"
 
-_HOMES = {
-    "Limits": "metrics",
-    "Mesh": "mesh",
-    "MeshError": "errors",
-    "MeshWarning": "errors",
-    "Quality": "metrics",
-    "SmoothResult": "smoothing",
-    "Summary": "metrics",
-    "SweepRecord": "smoothing",
-    "Validity": "metrics",
-    "limits": "metrics",
-    "plot_comparison": "output.figures",
-    "plot_histograms": "output.figures",
-    "plot_mesh": "output.figures",
-    "quality": "metrics",
-    "read_mesh": "io",
-    "smooth": "smoothing",
-    "smooth_angle": "smoothing",
-    "smooth_aspect_ratio": "smoothing",
-    "smooth_laplacian": "smoothing",
-    "smooth_optimize": "smoothing",
-    "smooth_quad": "smoothing",
-    "smooth_smart_laplacian": "smoothing",
-    "smooth_star": "smoothing",
-    "untangle": "smoothing",
-    "write_mesh": "io",
-}
-
-__all__ = [
-    "Limits",
-    "Mesh",
-    "MeshError",
-    "MeshWarning",
-    "Quality",
-    "SmoothResult",
-    "Summary",
-    "SweepRecord",
-    "Validity",
-    "__version__",
-    "limits",
-    "plot_comparison",
-    "plot_histograms",
-    "plot_mesh",
-    "quality",
-    "read_mesh",
-    "smooth",
-    "smooth_angle",
-    "smooth_aspect_ratio",
-    "smooth_laplacian",
-    "smooth_optimize",
-    "smooth_quad",
-    "smooth_smart_laplacian",
-    "smooth_star",
-    "untangle",
-    "write_mesh",
-]
-
-if TYPE_CHECKING:
-    from qsmooth.errors import MeshError, MeshWarning
-    from qsmooth.io import read_mesh, write_mesh
-    from qsmooth.mesh import Mesh
-    from qsmooth.metrics import Limits, Quality, Summary, Validity, limits, quality
-    from qsmooth.output.figures import plot_comparison, plot_histograms, plot_mesh
-    from qsmooth.smoothing import (
-        SmoothResult,
-        SweepRecord,
-        smooth,
-        smooth_angle,
-        smooth_aspect_ratio,
-        smooth_laplacian,
-        smooth_optimize,
-        smooth_quad,
-        smooth_smart_laplacian,
-        smooth_star,
-        untangle,
-    )
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted(set(globals()) | set(__all__))
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__all__ += ["__version__"]

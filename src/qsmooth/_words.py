@@ -19,5 +19,6 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     """End a message about a name that is none: "; did you mean 'taper'?", or nothing."""
     from difflib import get_close_matches
 
-    near = get_close_matches(name.replace("-", "_").lower(), list(known), n=1)
-    return f"; did you mean '{near[0]}'?" if near else ""
+    plain = {each.replace("_", "-").lower(): each for each in known}
+    near = get_close_matches(str(name).replace("_", "-").lower(), plain, n=1)
+    return f"; did you mean {plain[near[0]]!r}?" if near else ""

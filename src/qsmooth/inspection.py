@@ -218,7 +218,7 @@ def _zero_edges(mesh: Mesh) -> Finding:
 
 def _hanging(mesh: Mesh, twins: IndexArray) -> Finding:
     """Vertices in the middle of another cell's edge; both are on the boundary, as cells go."""
-    from qsmooth.kernels.hanging import hanging_nodes
+    from qsmooth.kernels.hanging_nodes import hanging_nodes
 
     edges = _edges(mesh, twins)
     vertices = np.flatnonzero(mesh.is_boundary)

@@ -7,42 +7,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from qsmooth._types import BoolArray, FloatArray, IndexArray, TableArray
+from qsmooth._types import BoolArray, FloatArray, IndexArray
 from qsmooth.checks import counted, read_only
 from qsmooth.errors import MeshError
+from qsmooth.kernels.stars import Stars
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
 # Tables hold vertex ids in 32 bits, and keep one for "none".
 LARGEST_COUNT = 2**32 - 2
-
-
-class Schedule:
-    """The movable vertices colour by colour, and the table of their stars.
-
-    Attributes
-    ----------
-    colour_offsets, vertices : (n_colours + 1,), (n_movable,)
-        CSR map; no two vertices of one colour share a cell.
-    offsets, corners, cells : (n_movable + 1,), (n_rows, 3), (n_rows,)
-        Rows of each vertex: a quad (v, a, b, c) as a, b, c; a triangle (v, a, c) as a, none, c.
-    """
-
-    def __init__(
-        self,
-        colour_offsets: IndexArray,
-        vertices: TableArray,
-        offsets: IndexArray,
-        corners: TableArray,
-        cells: TableArray,
-    ) -> None:
-        self.colour_offsets = read_only(colour_offsets)
-        self.vertices = read_only(vertices)
-        self.offsets = read_only(offsets)
-        self.corners = read_only(corners)
-        self.cells = read_only(cells)
-        self.largest_star = int(np.diff(offsets).max(initial=0))
 
 
 class Topology:
@@ -135,7 +109,7 @@ class Topology:
         if fixed is not None:
             is_fixed |= fixed
         self.is_fixed = read_only(is_fixed)
-        self._schedules: dict[bool, Schedule] = {}
+        self._schedules: dict[bool, Stars] = {}
         self.keep_orientation()
 
     def keep_orientation(self) -> None:
@@ -250,7 +224,7 @@ class Topology:
             movable &= ~self.is_interface
         return movable
 
-    def schedule(self, keep_interfaces: bool = True, only: BoolArray | None = None) -> Schedule:
+    def schedule(self, keep_interfaces: bool = True, only: BoolArray | None = None) -> Stars:
         """Return the movable vertices in `only`, in the order of a sweep, and their stars."""
         if only is not None:
             return self._make_schedule(self.movable(keep_interfaces) & only)
@@ -258,14 +232,23 @@ class Topology:
             self._schedules[keep_interfaces] = self._make_schedule(self.movable(keep_interfaces))
         return self._schedules[keep_interfaces]
 
-    def _make_schedule(self, movable: BoolArray) -> Schedule:
-        from qsmooth.kernels import topology as kernels
+    def _make_schedule(self, movable: BoolArray) -> Stars:
+        from qsmooth.kernels import colouring
 
         stars = self.star_offsets, self.star_cells
-        colour, n_colours = kernels.colours(movable, *self.cells, *stars)
-        colour_offsets, vertices = kernels.order_by_colour(colour, n_colours)
-        table = kernels.star_table(vertices, *self.cells, *stars, self.star_corners)
-        return Schedule(colour_offsets, vertices, *table)
+        colour, n_colours = colouring.colours(movable, *self.cells, *stars)
+        colour_offsets, vertices = colouring.order_by_colour(colour, n_colours)
+        offsets, corners, cells = colouring.star_table(
+            vertices, *self.cells, *stars, self.star_corners
+        )
+        return Stars(
+            colour_offsets=read_only(colour_offsets),
+            vertices=read_only(vertices),
+            offsets=read_only(offsets),
+            corners=read_only(corners),
+            cells=read_only(cells),
+            largest=int(np.diff(offsets).max(initial=0)),
+        )
 
     def _cell_of(self, corner: int) -> int:
         return int(np.searchsorted(self.cell_offsets, corner, side="right")) - 1

@@ -1,10 +1,152 @@
-"""Sentences about what was found and done, for people; no code reads them."""
+"""Every sentence that is made from an outcome; nothing reads one back."""
 
 from __future__ import annotations
 
-from qsmooth.metrics import Limits
+from collections.abc import Callable
+
+from qsmooth._words import plural
+from qsmooth.outcome import Aim, Invalid, Outcome, Stage, Stop
+
+UNCHANGED = "already as good as this method gets: unchanged"
 
 
-def limits_lines(limits: Limits) -> list[str]:
-    """Say which angles are reached, and which no placement can beat: one line for each end."""
-    return str(limits).splitlines()
+def reason(outcome: Outcome, *, spell: Callable[[str], str] = str, limits: bool = True) -> str:
+    """Say what was done, why it stopped and what is wrong with the result, in one line.
+
+    Parameters
+    ----------
+    spell
+        How an option is written: "max_sweeps" in Python, "--max-sweeps" in a shell.
+    limits
+        Whether to add the limits of the angles.
+    """
+    parts = []
+    if outcome.chosen:
+        parts.append(f"auto chose {outcome.method}{outcome.chosen}")
+    if outcome.cut is not None:
+        cut = outcome.cut
+        parts.append(
+            f"{plural(cut.quads, 'quad was', 'quads were')} smoothed as two triangles each, cut "
+            f"along the {cut.diagonal} diagonal, which broke {cut.broken or 'none'} of them"
+        )
+    parts += [*_done(outcome), *_given_up(outcome, spell), *_why(outcome, spell)]
+    parts += _not_valid(outcome)
+    if limits and outcome.limits is not None:
+        parts += str(outcome.limits).splitlines()
+    return "; ".join(parts)
+
+
+def _done(outcome: Outcome) -> list[str]:
+    """What the stages with an aim of their own did; of plain sweeps it says why they stopped."""
+    said: dict[Aim, Callable[[Stage, Outcome], str]] = {
+        Aim.UNTANGLE: _untangled,
+        Aim.MEAN_SHAPE: _improved,
+        Aim.WORST_CELLS: lambda stage, _: (
+            f"then the worst cells in {plural(stage.sweeps, 'sweep')}"
+        ),
+    }
+    texts = [said[stage.aim](stage, outcome) for stage in outcome.stages if stage.aim in said]
+    return [text for text in texts if text]
+
+
+def _untangled(stage: Stage, outcome: Outcome) -> str:
+    invalid = outcome.invalid
+    if invalid is None or invalid.after:
+        return ""
+    return f"untangled {plural(invalid.before, 'cell')} in {plural(stage.sweeps, 'sweep')}"
+
+
+def _improved(stage: Stage, _: Outcome) -> str:
+    steps = f" and {plural(stage.steps, 'Newton step')} on the whole mesh" if stage.steps else ""
+    return f"improved the mean shape in {plural(stage.sweeps, 'sweep')}{steps}"
+
+
+def _mended(stage: Stage, _: Outcome) -> str:
+    return f"then the worst cells in {plural(stage.sweeps, 'sweep')}"
+
+
+def _given_up(outcome: Outcome, spell: Callable[[str], str]) -> list[str]:
+    """What got worse for something else, and what could have been had for that."""
+    words = {"mean_shape": "mean shape", "scaled_jacobian": "the worst cells"}
+    said = [
+        f"{words[trade.gained]} went first, as not all figures could be had: "
+        f"{words[trade.figure]} {trade.before:.3f} -> {trade.after:.3f}"
+        for trade in outcome.trades
+    ]
+    if outcome.forbidden is not None:
+        said.append(
+            "the worst cells could be better (smallest scaled Jacobian "
+            f"{outcome.forbidden.scaled_jacobian:.2f}), but at a cost to the mean shape that "
+            f"{spell('mean_loss')}={outcome.forbidden.mean_loss:g} forbids"
+        )
+    return said
+
+
+def _why(outcome: Outcome, spell: Callable[[str], str]) -> list[str]:
+    """Why it stopped."""
+    if outcome.stop is Stop.NOTHING_MOVES:
+        if outcome.selected:
+            return ["no vertex can move: all selected are on the boundary or fixed"]
+        return ["no vertex can move: all are on the boundary, fixed or in no cell"]
+    if outcome.stop is Stop.VALID:
+        return [] if outcome.sweeps else ["the mesh is valid: there was nothing to untangle"]
+    if outcome.stop is Stop.TIME_LIMIT:
+        return [f"the time limit of {outcome.stop_at:g} s was reached"]
+    if outcome.stop is Stop.MAX_SWEEPS:
+        if not outcome.sweeps:
+            return ["no sweep was asked for"]
+        return [
+            f"stopped after {plural(outcome.sweeps, 'sweep')}, as {spell('max_sweeps')} says"
+            + _still_moving(outcome)
+        ]
+    if outcome.unchanged:
+        return [] if outcome.forbidden or outcome.invalid else [UNCHANGED]
+    if outcome.stop is Stop.RESTS:
+        return [
+            f"every vertex rests: none moved by over {outcome.stop_at:.3g} of its shortest edge"
+        ]
+    if outcome.stop is Stop.SETTLED and not outcome.untangles:
+        return ["quality no longer improves"]
+    return []
+
+
+def _still_moving(outcome: Outcome) -> str:
+    if not outcome.largest_share:
+        return ""
+    return (
+        f"; vertices still moved by up to {100.0 * outcome.largest_share:.2g} % of their "
+        "shortest edge"
+    )
+
+
+def _not_valid(outcome: Outcome) -> list[str]:
+    """What is not valid, and why."""
+    invalid = outcome.invalid
+    if invalid is None:
+        return []
+    if outcome.untangles:
+        return [_stays_invalid(invalid)] if invalid.after else []
+    if invalid.before:
+        return [
+            f"the mesh was not valid ({plural(invalid.before, 'cell')} invalid) and "
+            f"{outcome.method} does not untangle: {plural(invalid.after, 'cell')} invalid now"
+        ]
+    if not outcome.guarded:
+        return [f"{outcome.method} is unguarded: it made {plural(invalid.after, 'cell')} invalid"]
+    return []
+
+
+def _stays_invalid(invalid: Invalid) -> str:
+    """Say which cells stay invalid, and for which of them that is proven."""
+    text = (
+        f"{invalid.after} of {invalid.before} invalid cells stay invalid, the first is "
+        f"cell {invalid.first}"
+    )
+    if invalid.proven:
+        text += (
+            f"; for {invalid.proven} of them nothing can help, as the vertices of a corner that "
+            f"is not convex are all fixed (the first is cell {invalid.first_proven})"
+        )
+    if open_ := invalid.after - invalid.proven:
+        text += f"; for {open_} no way was found, which does not prove that there is none"
+    return text

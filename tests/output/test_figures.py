@@ -27,7 +27,7 @@ def coarse(monkeypatch):
 
 @pytest.fixture(scope="module")
 def mesh():
-    return Mesh(*spiral(400, seed=1))
+    return spiral(400, seed=1)
 
 
 @pytest.fixture(scope="module")

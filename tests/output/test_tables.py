@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from qsmooth import Mesh, quality, smooth
+from qsmooth import quality, smooth
 from qsmooth._json import finite
 from qsmooth._words import plural
 from qsmooth.examples import spiral
@@ -30,7 +30,7 @@ COLLAPSED = ([(0, 0), (1, 0), (1, 1), (0, 0)], [[0, 1, 2, 3]])
 
 @pytest.fixture(scope="module")
 def results():
-    mesh = Mesh(*spiral(400, seed=1))
+    mesh = spiral(400, seed=1)
     return [smooth(mesh, method, max_sweeps=5) for method in ("star", "quad", "laplacian")]
 
 

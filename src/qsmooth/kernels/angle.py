@@ -5,12 +5,11 @@ import math
 import numpy as np
 from numba import prange
 
-from qsmooth._types import FloatArray, IndexArray, TableArray
-from qsmooth.kernels._jit import helper, parallel_kernel
-from qsmooth.kernels.geometry import distance
-from qsmooth.kernels.guards import allowed_step
-from qsmooth.kernels.star import CHUNK
-from qsmooth.kernels.topology import NO_VERTEX
+from qsmooth._types import FloatArray, TableArray
+from qsmooth.kernels._jit import helper, inlined_helper, parallel_kernel
+from qsmooth.kernels.geometry import distance, share
+from qsmooth.kernels.guards import NO_FENCE, guarded_move
+from qsmooth.kernels.stars import CHUNK, NO_VERTEX, Centre, Moves, Stars, Step, centre_of
 
 
 @helper()
@@ -37,20 +36,22 @@ def onto_bisector(
     return along * ux - across * uy, along * uy + across * ux, True
 
 
-@helper()
-def mean_of_bisectors(
-    xy: FloatArray, v: int, corners: TableArray, first: int, last: int
-) -> tuple[float, float, float]:
-    """Average the places that the edges of v turn it to.
+@inlined_helper()
+def step_to_bisectors(xy: FloatArray, corners: TableArray, centre: Centre, step: float) -> Step:
+    """Step towards the mean of the places that the edges of a vertex turn it to.
+
+    Parameters
+    ----------
+    step
+        Fraction of the way to the mean.
 
     Returns
     -------
-    dx, dy
-        Displacement to the mean; zero where no edge has a bisector to turn to.
-    shortest
-        Shortest edge of v.
+    step
+        Zero where no edge has a bisector to turn to.
     """
-    x, y = xy[v, 0], xy[v, 1]
+    first, last = centre.first, centre.last
+    x, y = xy[centre.v, 0], xy[centre.v, 1]
     sx, sy, count, shortest = 0.0, 0.0, 0, np.inf
     for row in range(first, last):
         p = corners[row, 0]
@@ -73,61 +74,47 @@ def mean_of_bisectors(
             sy += (py - y) + new_y
             count += 1
     if count == 0:
-        return 0.0, 0.0, shortest
-    return sx / count, sy / count, shortest
+        return Step(0.0, 0.0, shortest)
+    return Step(step * (sx / count), step * (sy / count), shortest)
 
 
 @parallel_kernel()
 def angle_sweep(
-    xy: FloatArray,
-    vertices: TableArray,
-    offsets: IndexArray,
-    corners: TableArray,
-    step: float,
-    xy_out: FloatArray,
-    moves: FloatArray,
-    shares: FloatArray,
+    xy: FloatArray, stars: Stars, step: float, xy_out: FloatArray, moves: Moves
 ) -> None:
     """Move each vertex to the mean of its bisectors, all at once and unguarded, as published.
 
     Parameters
     ----------
-    xy : (n_vertices, 2)
-        Coordinates, in any one unit.
-    vertices, offsets, corners, moves, shares
-        As in `star.star_sweep`.
     step
         Fraction of the way to the mean, in (0, 1]; 1 as published.
-    xy_out : (n_vertices, 2)
-        Overwritten in the rows of `vertices`.
+    xy, stars, xy_out, moves
+        As in `laplacian.laplacian_sweep`.
 
     Notes
     -----
     T. Zhou and K. Shimada, "An angle-based approach to two-dimensional mesh smoothing",
     Proceedings of the 9th International Meshing Roundtable (2000).
     """
+    _, vertices, offsets, corners, _, _ = stars
+    lengths, shares = moves
     for i in prange(vertices.size):
         v = vertices[i]
-        dx, dy, shortest = mean_of_bisectors(xy, v, corners, offsets[i], offsets[i + 1])
-        dx *= step
-        dy *= step
+        dx, dy, shortest = step_to_bisectors(xy, corners, centre_of(vertices, offsets, i), step)
         xy_out[v, 0] = xy[v, 0] + dx
         xy_out[v, 1] = xy[v, 1] + dy
-        moves[i] = math.sqrt(dx * dx + dy * dy)
-        shares[i] = moves[i] / shortest if moves[i] > 0.0 else 0.0
+        lengths[i] = math.sqrt(dx * dx + dy * dy)
+        shares[i] = share(lengths[i], shortest)
 
 
 @parallel_kernel()
 def guarded_angle_sweep(
     xy: FloatArray,
-    colour_offsets: IndexArray,
-    vertices: TableArray,
-    offsets: IndexArray,
-    corners: TableArray,
+    stars: Stars,
+    colours: tuple[int, int],
     step: float,
     good: float,
-    moves: FloatArray,
-    shares: FloatArray,
+    moves: Moves,
 ) -> None:
     """Move each vertex towards the mean of its bisectors as far as its guards allow, in place.
 
@@ -135,21 +122,16 @@ def guarded_angle_sweep(
     ----------
     step
         As in `angle_sweep`.
-    xy, colour_offsets, vertices, offsets, corners, good, moves, shares
+    xy, stars, colours, good, moves
         As in `star.star_sweep`.
     """
+    colour_offsets, vertices, offsets, corners, _, _ = stars
+    lengths, shares = moves
     no_lines = np.empty((0, 3))
-    for colour in range(colour_offsets.size - 1):
+    for colour in range(colours[0], colours[1]):
         start, stop = colour_offsets[colour], colour_offsets[colour + 1]
         for chunk in prange((stop - start + CHUNK - 1) // CHUNK):
             for i in range(start + chunk * CHUNK, min(start + (chunk + 1) * CHUNK, stop)):
-                v = vertices[i]
-                x, y = xy[v, 0], xy[v, 1]
-                first, last = offsets[i], offsets[i + 1]
-                dx, dy, shortest = mean_of_bisectors(xy, v, corners, first, last)
-                new_x, new_y = allowed_step(
-                    xy, v, corners, first, last, step * dx, step * dy, good, no_lines, 0, 0.0
-                )
-                xy[v, 0], xy[v, 1] = new_x, new_y
-                moves[i] = math.sqrt((new_x - x) * (new_x - x) + (new_y - y) * (new_y - y))
-                shares[i] = moves[i] / shortest if moves[i] > 0.0 else 0.0
+                v = centre_of(vertices, offsets, i)
+                wanted = step_to_bisectors(xy, corners, v, step)
+                guarded_move(xy, corners, v, wanted, good, no_lines, NO_FENCE, lengths, shares)

@@ -5,18 +5,19 @@ import math
 import numpy as np
 from numba import prange
 
-from qsmooth._types import FloatArray, IndexArray, TableArray
-from qsmooth.kernels._jit import helper, parallel_kernel
+from qsmooth._types import FloatArray, TableArray
+from qsmooth.kernels._jit import helper, inlined_helper, parallel_kernel
 from qsmooth.kernels.guards import (
     HALVINGS,
+    NO_FENCE,
     allowed_step,
     clearance,
     guard_lines,
     keeps_clearance,
+    store_move,
     tolerated_loss,
 )
-from qsmooth.kernels.star import CHUNK
-from qsmooth.kernels.topology import NO_VERTEX
+from qsmooth.kernels.stars import CHUNK, NO_VERTEX, Centre, Moves, Stars, Step, centre_of
 
 
 @helper()
@@ -45,8 +46,8 @@ def along_circumcircle(
     at_u, at_w = math.atan2(jacobian, uu - dot), math.atan2(jacobian, ww - dot)
     turn = 0.5 * step * (at_w - at_u)
     # The law of sines gives the new distance from u.
-    share = math.sin(at_w - turn) * math.sqrt(uu * ww) / jacobian
-    along, across = share * math.cos(at_u + turn), share * math.sin(at_u + turn)
+    scale = math.sin(at_w - turn) * math.sqrt(uu * ww) / jacobian
+    along, across = scale * math.cos(at_u + turn), scale * math.sin(at_u + turn)
     ex, ey = wx - ux, wy - uy
     dx = ux + along * ex - across * ey
     dy = uy + along * ey + across * ex
@@ -55,11 +56,11 @@ def along_circumcircle(
 
 @helper()
 def star_edge_ratio(
-    xy: FloatArray, corners: TableArray, first: int, last: int, x: float, y: float
+    xy: FloatArray, corners: TableArray, centre: Centre, x: float, y: float
 ) -> float:
-    """Largest ratio of two edges of one triangle of the star, squared, with v at (x, y)."""
+    """Largest ratio of two edges of a triangle of the star, squared, with its vertex at (x, y)."""
     largest = 1.0
-    for row in range(first, last):
+    for row in range(centre.first, centre.last):
         a, b, c = corners[row, 0], corners[row, 1], corners[row, 2]
         if b != NO_VERTEX:
             continue
@@ -71,15 +72,12 @@ def star_edge_ratio(
     return largest
 
 
-@helper()
+@inlined_helper()
 def _step_within_ratio(
     xy: FloatArray,
-    v: int,
     corners: TableArray,
-    first: int,
-    last: int,
-    dx: float,
-    dy: float,
+    centre: Centre,
+    step: Step,
     tolerated: float,
     good: float,
     lines: FloatArray,
@@ -91,31 +89,74 @@ def _step_within_ratio(
     x, y
         The place to store.
     """
-    x, y = xy[v, 0], xy[v, 1]
-    allowed = max(tolerated * tolerated, star_edge_ratio(xy, corners, first, last, x, y))
+    x, y = xy[centre.v, 0], xy[centre.v, 1]
+    dx, dy = step.dx, step.dy
+    allowed = max(tolerated * tolerated, star_edge_ratio(xy, corners, centre, x, y))
     for _ in range(HALVINGS + 1):
-        new_x, new_y = allowed_step(xy, v, corners, first, last, dx, dy, good, lines, 0, 0.0)
-        if star_edge_ratio(xy, corners, first, last, new_x, new_y) <= allowed:
+        new_x, new_y = allowed_step(xy, corners, centre, dx, dy, good, lines, NO_FENCE)
+        if star_edge_ratio(xy, corners, centre, new_x, new_y) <= allowed:
             return new_x, new_y
         dx, dy = 0.5 * (new_x - x), 0.5 * (new_y - y)
     return x, y
 
 
+@inlined_helper()
+def mean_along_circumcircles(
+    xy: FloatArray,
+    corners: TableArray,
+    centre: Centre,
+    max_edge_ratio: float,
+    step: float,
+    power: float,
+    lines: FloatArray,
+) -> Step:
+    """Average what the triangles around a vertex propose, as far as no clearance is lost.
+
+    Parameters
+    ----------
+    max_edge_ratio, step, power
+        As in `aspect_ratio_sweep`.
+    lines : (3 * cells in the star, 3)
+        Scratch: overwritten with the guard lines of the vertex.
+
+    Returns
+    -------
+    step
+        Zero where nothing was accepted.
+    """
+    x, y = xy[centre.v, 0], xy[centre.v, 1]
+    n_lines, longest, shortest, largest = guard_lines(xy, corners, centre, lines)
+    loss = tolerated_loss(longest, largest)
+    least = clearance(lines, n_lines) - loss
+    sx, sy, total = 0.0, 0.0, 0.0
+    for row in range(centre.first, centre.last):
+        a, b, c = corners[row, 0], corners[row, 1], corners[row, 2]
+        if b != NO_VERTEX:
+            continue
+        dx, dy, ratio = along_circumcircle(
+            xy[a, 0] - x, xy[a, 1] - y, xy[c, 0] - x, xy[c, 1] - y, max_edge_ratio, step
+        )
+        if dx * dx + dy * dy >= loss * loss and keeps_clearance(lines, n_lines, dx, dy, least):
+            weight = ratio**power
+            sx += weight * dx
+            sy += weight * dy
+            total += weight
+    if not total > 0.0:
+        return Step(0.0, 0.0, shortest)
+    return Step(sx / total, sy / total, shortest)
+
+
 @parallel_kernel()
 def aspect_ratio_sweep(
     xy: FloatArray,
-    colour_offsets: IndexArray,
-    vertices: TableArray,
-    offsets: IndexArray,
-    corners: TableArray,
+    stars: Stars,
+    colours: tuple[int, int],
     max_edge_ratio: float,
     step: float,
     power: float,
     tolerated: float,
     good: float,
-    largest_star: int,
-    moves: FloatArray,
-    shares: FloatArray,
+    moves: Moves,
 ) -> None:
     """Move each vertex once along the circumcircles of the triangles around it.
 
@@ -124,7 +165,7 @@ def aspect_ratio_sweep(
 
     Parameters
     ----------
-    xy, colour_offsets, vertices, offsets, corners, good, largest_star, moves, shares
+    xy, stars, colours, good, moves
         As in `star.star_sweep`.
     max_edge_ratio
         Edges whose ratio is no larger are left alone; 1 or more.
@@ -136,40 +177,19 @@ def aspect_ratio_sweep(
         Besides the guards, no step may make the largest edge ratio of the star's triangles larger,
         unless it stays within this; infinite for no such rule.
     """
-    for colour in range(colour_offsets.size - 1):
+    colour_offsets, vertices, offsets, corners, _, largest = stars
+    lengths, shares = moves
+    for colour in range(colours[0], colours[1]):
         start, stop = colour_offsets[colour], colour_offsets[colour + 1]
         for chunk in prange((stop - start + CHUNK - 1) // CHUNK):
-            lines = np.empty((3 * largest_star, 3))
+            lines = np.empty((3 * largest, 3))
             for i in range(start + chunk * CHUNK, min(start + (chunk + 1) * CHUNK, stop)):
-                v = vertices[i]
-                first, last = offsets[i], offsets[i + 1]
-                x, y = xy[v, 0], xy[v, 1]
-                n_lines, longest, shortest, largest = guard_lines(
-                    xy, v, corners, first, last, lines
+                v = centre_of(vertices, offsets, i)
+                wanted = mean_along_circumcircles(
+                    xy, corners, v, max_edge_ratio, step, power, lines
                 )
-                loss = tolerated_loss(longest, largest)
-                least = clearance(lines, n_lines) - loss
-                sx, sy, total = 0.0, 0.0, 0.0
-                for row in range(first, last):
-                    a, b, c = corners[row, 0], corners[row, 1], corners[row, 2]
-                    if b != NO_VERTEX:
-                        continue
-                    dx, dy, ratio = along_circumcircle(
-                        xy[a, 0] - x, xy[a, 1] - y, xy[c, 0] - x, xy[c, 1] - y,
-                        max_edge_ratio, step,
-                    )  # fmt: skip
-                    if dx * dx + dy * dy >= loss * loss and keeps_clearance(
-                        lines, n_lines, dx, dy, least
-                    ):
-                        weight = ratio**power
-                        sx += weight * dx
-                        sy += weight * dy
-                        total += weight
-                moves[i], shares[i] = 0.0, 0.0
-                if total > 0.0:
-                    new_x, new_y = _step_within_ratio(
-                        xy, v, corners, first, last, sx / total, sy / total, tolerated, good, lines
-                    )
-                    xy[v, 0], xy[v, 1] = new_x, new_y
-                    moves[i] = math.sqrt((new_x - x) * (new_x - x) + (new_y - y) * (new_y - y))
-                    shares[i] = moves[i] / shortest if moves[i] > 0.0 else 0.0
+                lengths[i], shares[i] = 0.0, 0.0
+                if wanted.dx == 0.0 and wanted.dy == 0.0:
+                    continue
+                x, y = _step_within_ratio(xy, corners, v, wanted, tolerated, good, lines)
+                store_move(xy, v, x, y, wanted.shortest, lengths, shares)

@@ -5,18 +5,61 @@ many triangles, and cut into blocks of `LANES`. All vertices of a block then run
 passes, without a branch or a ragged loop, each in its lane.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from qsmooth._types import BlockArray, IndexArray, TableArray
-from qsmooth.kernels._jit import kernel
-from qsmooth.kernels.topology import NO_VERTEX
+from qsmooth.kernels._jit import inlined_helper, kernel
+from qsmooth.kernels.stars import NO_VERTEX, Stars
 
 # Vertices in a block: enough to hide latencies, few enough that a large star stays in cache.
 LANES = 64
-# Columns of the table of blocks.
+# Columns of `Blocks.table`.
 FIRST, SIZE, N_QUADS, N_TRIANGLES, STAR = range(5)
+
+
+class Blocks(NamedTuple):
+    """The movable vertices in blocks of lanes whose stars are made up alike.
+
+    Attributes
+    ----------
+    colour_blocks : (n_colours + 1,)
+        CSR map from a colour to its blocks.
+    table : (n_blocks, 5)
+        First vertex, vertices, quads a star, triangles a star, start in `stars`.
+    vertices : (n_movable,)
+        The vertices in the order of the blocks.
+    stars : (n_entries,)
+        For each block one row of its size for each corner: a, b, c of the first quad, ..., then a,
+        c of the first triangle, ...
+    largest
+        Cells in the largest star.
+    """
+
+    colour_blocks: IndexArray
+    table: BlockArray
+    vertices: TableArray
+    stars: TableArray
+    largest: int
+
+
+class Block(NamedTuple):
+    """One row of `Blocks.table`."""
+
+    first: int
+    size: int
+    n_quads: int
+    n_triangles: int
+    start: int
+
+
+@inlined_helper()
+def block_at(table: BlockArray, b: int) -> Block:
+    """Look up block b."""
+    return Block(
+        table[b, FIRST], table[b, SIZE], table[b, N_QUADS], table[b, N_TRIANGLES], table[b, STAR]
+    )
 
 
 def lane_row(k: int) -> Any:
@@ -25,31 +68,14 @@ def lane_row(k: int) -> Any:
 
 
 @kernel()
-def build_blocks(
-    colour_offsets: IndexArray, vertices: TableArray, offsets: IndexArray, corners: TableArray
-) -> tuple[IndexArray, BlockArray, TableArray, TableArray, IndexArray]:
+def build_blocks(stars: Stars) -> Blocks:
     """Cut coloured vertices into blocks of equal stars.
 
-    Parameters
-    ----------
-    colour_offsets, vertices, offsets, corners
-        A schedule: (n_colours + 1,), (n_movable,), (n_movable + 1,), (n_rows, 3).
-
-    Returns
-    -------
-    colour_blocks : (n_colours + 1,)
-        Blocks of each colour.
-    blocks : (n_blocks, 5)
-        First vertex, vertices, quads a star, triangles a star, start in `stars`.
-    block_vertices : (n_movable,)
-        The vertices in the order of the blocks.
-    stars : (n_entries,)
-        For each block one row of its size for each corner: a, b, c of the first quad, ..., then a,
-        c of the first triangle, ...
-    rows : (n_movable,)
-        Position of each block vertex in the schedule.
+    Within a colour, blocks come in the order of their make-up, and vertices of one make-up in the
+    order they had.
     """
-    n = vertices.size
+    offsets, corners, colour_offsets = stars.offsets, stars.corners, stars.colour_offsets
+    n = stars.vertices.size
     kind = np.empty(n, np.int64)
     n_entries = 0
     for i in range(n):
@@ -73,10 +99,10 @@ def build_blocks(
                 size = 0
             size += 1
         n_blocks += 1 if size else 0
-    blocks = np.empty((n_blocks, 5), np.uint64)
+    table = np.empty((n_blocks, 5), np.uint64)
     colour_blocks = np.zeros(n_colours + 1, np.int64)
-    block_vertices = np.empty(n, np.uint32)
-    stars = np.empty(n_entries, np.uint32)
+    vertices = np.empty(n, np.uint32)
+    entries = np.empty(n_entries, np.uint32)
     b, entry = 0, 0
     for colour in range(n_colours):
         i, stop = colour_offsets[colour], colour_offsets[colour + 1]
@@ -85,24 +111,24 @@ def build_blocks(
             while size < LANES and i + size < stop and kind[rows[i + size]] == kind[rows[i]]:
                 size += 1
             quads, triangles = kind[rows[i]] >> 32, kind[rows[i]] & 0xFFFFFFFF
-            blocks[b, FIRST], blocks[b, SIZE] = i, size
-            blocks[b, N_QUADS], blocks[b, N_TRIANGLES], blocks[b, STAR] = quads, triangles, entry
+            table[b, FIRST], table[b, SIZE] = i, size
+            table[b, N_QUADS], table[b, N_TRIANGLES], table[b, STAR] = quads, triangles, entry
             for lane in range(size):
                 source = rows[i + lane]
-                block_vertices[i + lane] = vertices[source]
+                vertices[i + lane] = stars.vertices[source]
                 quad_at = entry + lane
                 triangle_at = entry + 3 * quads * size + lane
                 for row in range(offsets[source], offsets[source + 1]):
                     if corners[row, 1] == NO_VERTEX:
-                        stars[triangle_at] = corners[row, 0]
-                        stars[triangle_at + size] = corners[row, 2]
+                        entries[triangle_at] = corners[row, 0]
+                        entries[triangle_at + size] = corners[row, 2]
                         triangle_at += 2 * size
                     else:
                         for k in range(3):
-                            stars[quad_at + k * size] = corners[row, k]
+                            entries[quad_at + k * size] = corners[row, k]
                         quad_at += 3 * size
             entry += (3 * quads + 2 * triangles) * size
             i += size
             b += 1
         colour_blocks[colour + 1] = b
-    return colour_blocks, blocks, block_vertices, stars, rows
+    return Blocks(colour_blocks, table, vertices, entries, stars.largest)

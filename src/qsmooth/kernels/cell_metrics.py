@@ -7,6 +7,7 @@ from numba import prange
 
 from qsmooth._types import FloatArray, IndexArray
 from qsmooth.kernels._jit import helper, parallel_kernel
+from qsmooth.kernels.corner_energy import ideal_corner_shape
 from qsmooth.kernels.geometry import (
     corner_dot,
     corner_jacobian,
@@ -200,7 +201,7 @@ def scaled_jacobian(
 def shape(
     xy: FloatArray, cell_offsets: IndexArray, cell_vertices: IndexArray, out: FloatArray
 ) -> None:
-    """Score each cell by the mean ratio of its corners to the ideal corner.
+    """Score each cell by its worst corner's mean ratio: one over the energy of `corner_energy`.
 
     For a quad the least, over its corners, of 2 det(u, w) / (|u|² + |w|²) with the edge vectors
     u, w; for a triangle the same with the equilateral triangle as ideal, which is
@@ -221,7 +222,6 @@ def shape(
     """
     for c in prange(out.size):
         first, last = cell_offsets[c], cell_offsets[c + 1]
-        scale = 2.0 if last - first == 4 else 2.0 * math.sqrt(3.0)
         worst = np.inf
         d = cell_vertices[last - 1]
         for k in range(first, last):
@@ -229,10 +229,8 @@ def shape(
             b = cell_vertices[k + 1] if k + 1 < last else cell_vertices[first]
             ux, uy = xy[b, 0] - xy[a, 0], xy[b, 1] - xy[a, 1]
             wx, wy = xy[d, 0] - xy[a, 0], xy[d, 1] - xy[a, 1]
-            squares = ux * ux + uy * uy + wx * wx + wy * wy
-            if last - first == 3:
-                squares += (wx - ux) * (wx - ux) + (wy - uy) * (wy - uy)
-            ratio = 0.0 if squares == 0.0 else scale * (ux * wy - uy * wx) / squares
+            n, det = ideal_corner_shape(last - first == 3, ux, uy, wx, wy)
+            ratio = 0.0 if n == 0.0 else det / n
             worst = np.minimum(worst, ratio)
             d = a
         out[c] = np.maximum(worst, 0.0)

@@ -92,7 +92,7 @@ def angle_limits(topology: Topology, xy: FloatArray, movable: BoolArray) -> Limi
     angle θ is given, and shared by the d cells there; round any other vertex it is 360°. In a
     valid mesh these angles add up to θ, so their mean is θ / d.
     """
-    from qsmooth.kernels.fans import angle_bounds
+    from qsmooth.kernels.angle_bounds import angle_bounds
 
     smallest, largest = np.empty(topology.n_vertices), np.empty(topology.n_vertices)
     angle_bounds(

@@ -44,7 +44,7 @@ from qsmooth.output.views import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from qsmooth.smoothing import SmoothResult
+    from qsmooth.result import SmoothResult
 
 View: TypeAlias = Literal["whole", "overlay", "worst", "narrow", "good"]
 Drawable: TypeAlias = "Mesh | SmoothResult | tuple[Any, Any]"

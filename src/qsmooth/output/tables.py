@@ -24,7 +24,7 @@ from qsmooth.metrics.summary import (
 from qsmooth.table import BEST, LONGEST_BAR, Row, Section, Table, best_columns, time_text, widest
 
 if TYPE_CHECKING:
-    from qsmooth.smoothing import SmoothResult
+    from qsmooth.result import SmoothResult
 
 __all__ = [
     "change_table",
@@ -209,9 +209,10 @@ def _first_ids(finding: Finding, n_ids: int) -> str:
 
 def method_title(name: str) -> str:
     """Write a method's name as a title."""
-    from qsmooth.smoothing import METHODS
+    from qsmooth.registry import all_methods
 
-    return METHODS[name].title if name in METHODS else name.capitalize()
+    known = all_methods()
+    return known[name].title if name in known else name.capitalize()
 
 
 def place_text(value: float, extent: float) -> str:

@@ -1,0 +1,36 @@
+# The public names and where they live: the one list of them. `__init__.py` loads each when it is
+# first used.
+from .adapters.meshio_mesh import from_meshio as from_meshio
+from .adapters.meshio_mesh import to_meshio as to_meshio
+from .errors import MeshError as MeshError
+from .errors import MeshWarning as MeshWarning
+from .io import read_mesh as read_mesh
+from .io import write_mesh as write_mesh
+from .mesh import Mesh as Mesh
+from .methods.angle import Angle as Angle
+from .methods.aspect_ratio import AspectRatio as AspectRatio
+from .methods.laplacian import Laplacian as Laplacian
+from .methods.quad import Quad as Quad
+from .methods.smart_laplacian import SmartLaplacian as SmartLaplacian
+from .methods.star import Star as Star
+from .metrics import Limits as Limits
+from .metrics import Quality as Quality
+from .metrics import Summary as Summary
+from .metrics import Validity as Validity
+from .metrics import limits as limits
+from .metrics import quality as quality
+from .optimizer.method import Optimize as Optimize
+from .optimizer.method import Untangle as Untangle
+from .outcome import Outcome as Outcome
+from .outcome import Stop as Stop
+from .output.figures import plot_comparison as plot_comparison
+from .output.figures import plot_histograms as plot_histograms
+from .output.figures import plot_mesh as plot_mesh
+from .result import History as History
+from .result import SmoothResult as SmoothResult
+from .result import SweepRecord as SweepRecord
+from .smoothing import compare as compare
+from .smoothing import smooth as smooth
+from .smoothing import untangle as untangle
+
+__version__: str

@@ -1,0 +1,312 @@
+"""Untangling: Newton steps per vertex on the shape energy with a regularised determinant.
+
+Where the determinant of a corner is not positive the shape energy has a wall. Replacing det by
+r χ(det / r), χ(d) = (d + √(ε² + d²)) / 2, with r the local mean squared edge length, makes it
+finite everywhere and steep where corners are inverted; as the worst corner improves, ε is lowered.
+
+V. Garanzha, I. Kaporin, L. Kudryavtseva, F. Protais, N. Ray, D. Sokolov, "Foldover-free maps in 50
+lines of code", ACM Trans. Graph. 40 (2021), in two dimensions.
+"""
+
+import math
+
+import numpy as np
+from numba import prange
+
+from qsmooth._types import BoolArray, FloatArray, IndexArray, TableArray
+from qsmooth.kernels._jit import helper, lane_helper, parallel_kernel
+from qsmooth.kernels.blocks import LANES, Block, Blocks, block_at
+from qsmooth.kernels.corner_energy import (
+    Linear,
+    determinant,
+    determinant_to_next,
+    determinant_to_previous,
+    equilateral_numerator,
+    fixed_half_square,
+    half_square,
+    square_numerator,
+)
+from qsmooth.kernels.geometry import distance, orientation
+from qsmooth.kernels.lanes import (
+    FRACTIONS,
+    N_ROWS,
+    OWN,
+    PX,
+    PY,
+    ROW,
+    ROW2,
+    ROW3,
+    ROW4,
+    ROW5,
+    ROW6,
+    TRIAL,
+    X,
+    Y,
+    add_energy,
+    gather_block,
+    newton_step,
+    start_trial,
+    store_better,
+)  # fmt: skip
+
+# Row of scratch: the vertex's ε r.
+SOFT = OWN
+
+
+@lane_helper()
+def _regularised(det: Linear, soft: float) -> Linear:
+    """Positive stand-in for a determinant, taken to be linear; `soft` is ε r.
+
+    With a linear denominator the Hessian of the energy is never indefinite.
+    """
+    root = math.sqrt(det.value * det.value + soft * soft)
+    # Two forms of one value: each without cancellation on its side.
+    value = 0.5 * (det.value + root) if det.value > 0.0 else 0.5 * soft * soft / (root - det.value)
+    slope = value / root
+    return Linear(value, slope * det.x, slope * det.y)
+
+
+@helper()
+def _add_quad(star: FloatArray, s: FloatArray, k: int, n: int) -> None:
+    for i in range(n):
+        px, py, soft = s[X + i], s[Y + i], s[SOFT + i]
+        ax, ay = star[k + i] - px, star[k + ROW + i] - py
+        bx, by = star[k + ROW2 + i] - px, star[k + ROW3 + i] - py
+        cx, cy = star[k + ROW4 + i] - px, star[k + ROW5 + i] - py
+        va, vc = half_square(ax, ay), half_square(cx, cy)
+        det = _regularised(determinant(ax, ay, cx, cy), soft)
+        add_energy(square_numerator(va, vc), det, 1.0, s, i)
+        ex, ey = bx - ax, by - ay
+        det = _regularised(determinant_to_previous(ex, ey, -ax, -ay), soft)
+        add_energy(square_numerator(fixed_half_square(ex, ey), va), det, 1.0, s, i)
+        ex, ey = bx - cx, by - cy
+        det = _regularised(determinant_to_next(-cx, -cy, ex, ey), soft)
+        add_energy(square_numerator(vc, fixed_half_square(ex, ey)), det, 1.0, s, i)
+
+
+@helper()
+def _add_triangle(star: FloatArray, s: FloatArray, k: int, n: int) -> None:
+    for i in range(n):
+        px, py = s[X + i], s[Y + i]
+        ax, ay = star[k + i] - px, star[k + ROW + i] - py
+        cx, cy = star[k + ROW2 + i] - px, star[k + ROW3 + i] - py
+        va, vc, ac = half_square(ax, ay), half_square(cx, cy), fixed_half_square(cx - ax, cy - ay)
+        det = _regularised(determinant(ax, ay, cx, cy), s[SOFT + i])
+        add_energy(equilateral_numerator(va, vc, ac), det, 1.0, s, i)
+
+
+@helper()
+def _try_quad(star: FloatArray, s: FloatArray, k: int, n: int) -> None:
+    for i in range(n):
+        px, py, soft = s[PX + i], s[PY + i], s[SOFT + i]
+        ax, ay = star[k + i] - px, star[k + ROW + i] - py
+        bx, by = star[k + ROW2 + i] - px, star[k + ROW3 + i] - py
+        cx, cy = star[k + ROW4 + i] - px, star[k + ROW5 + i] - py
+        va, vc = half_square(ax, ay), half_square(cx, cy)
+        det = _regularised(determinant(ax, ay, cx, cy), soft)
+        s[TRIAL + i] += square_numerator(va, vc).value / det.value
+        ex, ey = bx - ax, by - ay
+        det = _regularised(determinant_to_previous(ex, ey, -ax, -ay), soft)
+        s[TRIAL + i] += square_numerator(fixed_half_square(ex, ey), va).value / det.value
+        ex, ey = bx - cx, by - cy
+        det = _regularised(determinant_to_next(-cx, -cy, ex, ey), soft)
+        s[TRIAL + i] += square_numerator(fixed_half_square(ex, ey), vc).value / det.value
+
+
+@helper()
+def _try_triangle(star: FloatArray, s: FloatArray, k: int, n: int) -> None:
+    for i in range(n):
+        px, py = s[PX + i], s[PY + i]
+        ax, ay = star[k + i] - px, star[k + ROW + i] - py
+        cx, cy = star[k + ROW2 + i] - px, star[k + ROW3 + i] - py
+        va, vc, ac = half_square(ax, ay), half_square(cx, cy), fixed_half_square(cx - ax, cy - ay)
+        det = _regularised(determinant(ax, ay, cx, cy), s[SOFT + i])
+        s[TRIAL + i] += equilateral_numerator(va, vc, ac).value / det.value
+
+
+@helper()
+def _move_block(
+    xy: FloatArray,
+    vertices: TableArray,
+    stars: TableArray,
+    block: Block,
+    relaxation: float,
+    sizes: FloatArray,
+    epsilon: float,
+    star_xy: FloatArray,
+    s: FloatArray,
+    lengths: FloatArray,
+) -> None:
+    gather_block(xy, vertices, stars, block, star_xy, s, lengths)
+    n, quads, triangles = block.size, block.n_quads, block.n_triangles
+    for i in range(n):
+        s[SOFT + i] = epsilon * sizes[vertices[block.first + i]]
+    triangle_rows = quads * ROW6
+    for k in range(quads):
+        _add_quad(star_xy, s, k * ROW6, n)
+    for k in range(triangles):
+        _add_triangle(star_xy, s, triangle_rows + k * ROW4, n)
+    left = newton_step(s, n)
+    fraction = relaxation
+    for attempt in range(len(FRACTIONS) + 1):
+        if left == 0.0:
+            break
+        start_trial(s, n, fraction)
+        for k in range(quads):
+            _try_quad(star_xy, s, k * ROW6, n)
+        for k in range(triangles):
+            _try_triangle(star_xy, s, triangle_rows + k * ROW4, n)
+        # No margin is asked for: the mesh need not be valid.
+        left = store_better(xy, vertices, block, s, lengths)
+        fraction = FRACTIONS[min(attempt, len(FRACTIONS) - 1)]
+
+
+@parallel_kernel()
+def untangle_sweep(
+    xy: FloatArray,
+    blocks: Blocks,
+    colours: tuple[int, int],
+    relaxation: float,
+    sizes: FloatArray,
+    epsilon: float,
+    lengths: FloatArray,
+) -> None:
+    """Move each vertex once, downhill on its star's regularised energy, in place.
+
+    Parameters
+    ----------
+    sizes : (n_vertices,)
+        Local mean squared edge length r.
+    epsilon
+        Regularisation ε; dimensionless.
+    xy, blocks, colours, relaxation, lengths
+        As in `newton_sweep.newton_sweep`; the mesh need not be valid.
+    """
+    colour_blocks, table, vertices, stars, largest = blocks
+    for colour in range(colours[0], colours[1]):
+        for b in prange(colour_blocks[colour], colour_blocks[colour + 1]):
+            scratch, star_xy = np.empty(N_ROWS * LANES), np.empty(6 * largest * LANES)
+            _move_block(
+                xy,
+                vertices,
+                stars,
+                block_at(table, b),
+                relaxation,
+                sizes,
+                epsilon,
+                star_xy,
+                scratch,
+                lengths,
+            )
+
+
+@parallel_kernel()
+def smallest_determinant(
+    xy: FloatArray, cell_offsets: IndexArray, cell_vertices: IndexArray, sizes: FloatArray,
+    out: FloatArray,
+) -> None:  # fmt: skip
+    """Find each cell's smallest corner determinant over the local squared size r.
+
+    Parameters
+    ----------
+    sizes : (n_vertices,)
+        Local mean squared edge length.
+    out : (n_cells,)
+        Overwritten; dimensionless, negative where a corner is inverted.
+    """
+    for c in prange(out.size):
+        first, last = cell_offsets[c], cell_offsets[c + 1]
+        worst = np.inf
+        d = cell_vertices[last - 1]
+        for k in range(first, last):
+            a = cell_vertices[k]
+            b = cell_vertices[k + 1] if k + 1 < last else cell_vertices[first]
+            ux, uy = xy[b, 0] - xy[a, 0], xy[b, 1] - xy[a, 1]
+            wx, wy = xy[d, 0] - xy[a, 0], xy[d, 1] - xy[a, 1]
+            worst = min(worst, (ux * wy - uy * wx) / sizes[a])
+            d = a
+        out[c] = worst
+
+
+@parallel_kernel()
+def spread_logarithms(
+    ring_offsets: IndexArray, ring_vertices: IndexArray, values: FloatArray, out: FloatArray
+) -> None:
+    """Average a vertex's value with those of its ring (geometrically, when they are logarithms).
+
+    Parameters
+    ----------
+    values, out : (n_vertices,)
+        Infinite values (of vertices in no cell, or whose edges have no length) do not count.
+    """
+    for v in prange(out.size):
+        total, count = 0.0, 0
+        if math.isfinite(values[v]):
+            total, count = values[v], 1
+        for k in range(ring_offsets[v], ring_offsets[v + 1]):
+            w = ring_vertices[k]
+            if math.isfinite(values[w]):
+                total += values[w]
+                count += 1
+        out[v] = total / count if count > 0 else values[v]
+
+
+@parallel_kernel()
+def mean_squared_edge(
+    xy: FloatArray, ring_offsets: IndexArray, ring_vertices: IndexArray, out: FloatArray
+) -> None:
+    """Average the squared lengths of each vertex's edges; 0 for a vertex in no cell."""
+    for v in prange(out.size):
+        first, last = ring_offsets[v], ring_offsets[v + 1]
+        total = 0.0
+        for k in range(first, last):
+            w = ring_vertices[k]
+            dx, dy = xy[w, 0] - xy[v, 0], xy[w, 1] - xy[v, 1]
+            total += dx * dx + dy * dy
+        out[v] = total / (last - first) if last > first else 0.0
+
+
+@parallel_kernel()
+def hopeless_cells(
+    xy: FloatArray, cell_offsets: IndexArray, cell_vertices: IndexArray, movable: BoolArray,
+    out: BoolArray,
+) -> None:  # fmt: skip
+    """Mark cells with a corner that is not positive and whose three vertices can't move.
+
+    Parameters
+    ----------
+    out : (n_cells,)
+        Overwritten.
+    """
+    for c in prange(out.size):
+        first, last = cell_offsets[c], cell_offsets[c + 1]
+        out[c] = False
+        d = cell_vertices[last - 1]
+        for k in range(first, last):
+            a = cell_vertices[k]
+            b = cell_vertices[k + 1] if k + 1 < last else cell_vertices[first]
+            if not (movable[a] or movable[b] or movable[d]):
+                turn = orientation(xy[d, 0], xy[d, 1], xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1])
+                out[c] = out[c] or turn <= 0
+            d = a
+
+
+@parallel_kernel()
+def shortest_edges(
+    xy: FloatArray, ring_offsets: IndexArray, ring_vertices: IndexArray, vertices: TableArray,
+    out: FloatArray,
+) -> None:  # fmt: skip
+    """Measure the shortest edge of each listed vertex.
+
+    Parameters
+    ----------
+    vertices, out : (n_listed,)
+        `out` is overwritten; a length.
+    """
+    for i in prange(out.size):
+        v = vertices[i]
+        shortest = np.inf
+        for k in range(ring_offsets[v], ring_offsets[v + 1]):
+            w = ring_vertices[k]
+            shortest = min(shortest, distance(xy[v, 0], xy[v, 1], xy[w, 0], xy[w, 1]))
+        out[i] = shortest

@@ -1,0 +1,99 @@
+"""What a method is: options that check themselves, and how it smooths a mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar, TypeAlias
+
+from qsmooth._types import BoolArray
+from qsmooth.mesh import Mesh
+from qsmooth.options import Options, opaque, option
+from qsmooth.result import SmoothResult, SweepRecord
+from qsmooth.selection import select_cells, vertices_of
+
+Callback: TypeAlias = Callable[[SweepRecord], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Method(Options):
+    """A smoothing method and its options; these are what all methods have.
+
+    A derived class sets the class attributes and `run`; its docstring says how it works and where
+    it comes from. Called with one it is `qsmooth.smooth` that smooths.
+
+    Attributes
+    ----------
+    name, title
+        As in ``smooth(mesh, "star")``, and as the head of a column.
+    purpose
+        What it is for and when to take it, in a sentence.
+    guarded
+        Whether it keeps valid cells valid; some have an option that says otherwise, see `guards`.
+    untangles
+        Whether it makes invalid cells valid.
+    listed
+        Whether it is one to choose among; untangling alone is not.
+    """
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    purpose: ClassVar[str]
+    guarded: ClassVar[bool] = True
+    untangles: ClassVar[bool] = False
+    listed: ClassVar[bool] = True
+
+    max_sweeps: int = option(50, within="[0, inf)", flag="sweeps", help="Sweeps at most.")
+    time_limit: float | None = option(
+        None,
+        within="(0, inf)",
+        unit="seconds",
+        metavar="SECONDS",
+        help="Time after which it stops with the best so far; results then depend on the machine.",
+    )
+    selection: Any = opaque(
+        None,
+        metavar="CELLS",
+        help="Cells whose vertices may move: ids, a mask, or a threshold on a metric, as in "
+        "'max_angle > 150'.",
+    )
+    selection_rings: int = option(
+        0, within="[0, inf)", help="How often the selection grows by the cells that touch it."
+    )
+    keep_interfaces: bool = option(
+        True, help="Whether vertices on lines between regions, and on line cells, stay."
+    )
+    threads: int | None = option(
+        None,
+        within="[1, inf)",
+        default_words="by size",
+        help="How many threads; the result does not depend on it.",
+    )
+    callback: Callback | None = opaque(
+        None, flag=None, help="Called after each sweep with its `SweepRecord`."
+    )
+
+    def __init_subclass__(cls, **more: Any) -> None:
+        super().__init_subclass__(**more)
+        if "name" in cls.__dict__:
+            cls.owner = f"method {cls.name!r}"
+
+    @property
+    def guards(self) -> bool:
+        """Whether it keeps valid cells valid with these options."""
+        return self.guarded
+
+    def why_not(self, mesh: Mesh) -> str:
+        """Say in a line why it can do nothing with the mesh's cells; "" where it can."""
+        return ""
+
+    def run(self, mesh: Mesh, chosen: str = "") -> SmoothResult:
+        """Smooth a mesh; `chosen` says why this method was taken, for the outcome."""
+        raise NotImplementedError
+
+    def selected(self, mesh: Mesh) -> tuple[BoolArray | None, BoolArray | None]:
+        """Vertices that may move by the selection, and the selected cells; None where all are."""
+        if self.selection is None:
+            return None, None
+        cells = select_cells(mesh, self.selection, self.selection_rings)
+        return vertices_of(mesh, cells), cells

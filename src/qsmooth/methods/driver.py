@@ -1,0 +1,346 @@
+"""The driver of methods that sweep: sweeps, watches, keeps the history and stops."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Literal, cast
+
+import numpy as np
+
+from qsmooth._types import BoolArray, FloatArray
+from qsmooth.engine import Colours, Engine, threads_for
+from qsmooth.kernels.stars import Moves, Stars
+from qsmooth.mesh import Mesh
+from qsmooth.methods.base import Method
+from qsmooth.metrics import Quality, Summary, Validity, quality
+from qsmooth.options import option
+from qsmooth.outcome import Aim, Cut, Invalid, Outcome, Stage, Stop
+from qsmooth.result import History, SmoothResult, SweepRecord
+from qsmooth.split import Diagonal, split_quads
+from qsmooth.topology import Topology
+
+# Quality has stopped improving when, over this many sweeps, neither the smallest nor the largest
+# angle got better by this many degrees, nor the mean shape by this much.
+PATIENCE = 10
+LEAST_ANGLE_GAIN = 0.01
+LEAST_SHAPE_GAIN = 1e-4
+# The "quality" guard lets a cell get worse only down to this scaled Jacobian.
+GOOD_SCALED_JACOBIAN = 0.5
+
+
+def _nothing(xy: FloatArray) -> None:
+    pass
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """One sweep of a method, as an engine runs it.
+
+    Attributes
+    ----------
+    n_colours
+        Groups of vertices that move one after the other; 1 where all move at once.
+    move
+        Moves the vertices of a range of colours in the (n, 2) coordinates, in place, and writes
+        the moves.
+    prepare
+        Called with the coordinates before the first colour of a sweep.
+    """
+
+    n_colours: int
+    move: Callable[[FloatArray, Colours, Moves], None]
+    prepare: Callable[[FloatArray], None] = _nothing
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What the driver found out before the first sweep.
+
+    Attributes
+    ----------
+    topology, stars
+        Of the mesh that is swept: with its quads cut in two, if that is asked for.
+    good
+        Scaled Jacobian down to which a cell may get worse; NaN without the ``"quality"`` guard.
+    selected : (n_cells,) or None
+        Cells that take part; None for all.
+    aim
+        Which group of cells proposes moves.
+    """
+
+    topology: Topology
+    stars: Stars
+    good: float
+    selected: BoolArray | None
+    aim: Aim = Aim.ALL_CELLS
+
+    @property
+    def n_colours(self) -> int:
+        """Colours of the movable vertices."""
+        return self.stars.colour_offsets.size - 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepingMethod(Method):
+    """A method that repeats one sweep until every vertex rests or quality no longer improves."""
+
+    rtol: float = option(
+        1e-3,
+        within="[0, 1)",
+        help="A vertex rests when it moves less than this share of its shortest edge; stop when "
+        "all rest or quality no longer improves. 0 makes all sweeps.",
+    )
+    split_quads: bool | Literal["shorter", "first", "second"] = option(
+        False,
+        help="Cut each quad in two triangles along this diagonal (True: the shorter) and smooth "
+        "these; only they are guarded.",
+    )
+
+    def start(self, setting: Setting) -> Sweep:
+        """Set up a sweep; for derived classes."""
+        raise NotImplementedError
+
+    @property
+    def quality_guard(self) -> bool:
+        """Whether no cell may get worse, below `GOOD_SCALED_JACOBIAN`."""
+        return False
+
+    @property
+    def diagonal(self) -> Diagonal:
+        """Along which quads are cut."""
+        return cast("Diagonal", "shorter" if self.split_quads is True else self.split_quads)
+
+    def stages(self) -> list[tuple[Aim, int]]:
+        """List which group of cells proposes moves, and for how many sweeps at most."""
+        return [(Aim.ALL_CELLS, self.max_sweeps)]
+
+    def run(self, mesh: Mesh, chosen: str = "") -> SmoothResult:
+        """Sweep until every vertex rests, quality no longer improves, or a limit is reached."""
+        before = quality(mesh)
+        summary = before.summary()
+        cut = self._cut(mesh)
+        only, selected = self.selected(mesh)
+        if selected is not None and cut is not mesh:
+            selected = np.repeat(selected, mesh.topology.cell_sizes - 2)
+        stars = cut.topology.schedule(self.keep_interfaces, only)
+        setting = Setting(cut.topology, stars, self._good(cut, mesh, summary), selected)
+        run = _Run(self, mesh, summary)
+        if stars.vertices.size:
+            engine = threads_for(self.threads, stars.vertices.size)
+            with engine.running():
+                for aim, n_sweeps in self.stages():
+                    run.stage(replace(setting, aim=aim), engine, n_sweeps)
+        if not self.guards:
+            result = mesh.with_xy(run.xy, moved(mesh, run.xy))
+        elif cut is mesh:
+            result = stored(mesh, run.xy)
+        else:
+            result = mesh.with_points(stored(cut, run.xy).points)
+        after = quality(result)
+        broken = (before.validity == Validity.VALID) & (after.validity != Validity.VALID)
+        return SmoothResult(
+            mesh=result,
+            outcome=run.outcome(
+                method=self.name,
+                chosen=chosen,
+                guarded=self.guards,
+                selected=self.selection is not None,
+                unchanged=np.array_equal(result.points, mesh.points),
+                invalid=invalid_cells(before, after),
+                cut=None
+                if cut is mesh
+                else Cut(
+                    quads=int((mesh.topology.cell_sizes == 4).sum()),
+                    diagonal=self.diagonal,
+                    broken=int(broken.sum()),
+                ),
+            ),
+            history=History(run.history),
+            before=summary,
+            after=after.summary(),
+            seconds=run.seconds,
+        )
+
+    def _cut(self, mesh: Mesh) -> Mesh:
+        """Return the mesh that is swept: with its quads cut in two, if that is asked for."""
+        if self.split_quads is not False and (mesh.topology.cell_sizes == 4).any():
+            return split_quads(mesh, self.diagonal)
+        if reason := self.why_not(mesh):
+            raise ValueError(reason)
+        return mesh
+
+    def _good(self, cut: Mesh, mesh: Mesh, before: Summary) -> float:
+        if not self.quality_guard:
+            return math.nan
+        smallest = before.worst["scaled_jacobian"]
+        if cut is not mesh:
+            smallest = float(quality(cut).scaled_jacobian.min())
+        return max(GOOD_SCALED_JACOBIAN, smallest)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GuardedMethod(SweepingMethod):
+    """A sweeping method whose every move keeps valid cells valid."""
+
+    guard: Literal["quality", "clearance"] = option(
+        "quality",
+        help="What every move keeps: clearance, that valid cells stay valid; quality, also that "
+        "the worst cell does not get worse.",
+    )
+
+    @property
+    def quality_guard(self) -> bool:
+        """Whether no cell may get worse, below `GOOD_SCALED_JACOBIAN`."""
+        return self.guard == "quality"
+
+
+class _Run:
+    """The sweeps of one call: coordinates, history, clock, and why they stopped."""
+
+    def __init__(self, method: SweepingMethod, mesh: Mesh, before: Summary) -> None:
+        self.method, self.topology = method, mesh.topology
+        self.xy = mesh.xy.copy()
+        self.history: list[SweepRecord] = []
+        self.stages: list[Stage] = []
+        self.seconds = 0.0
+        self.stop: Stop | None = Stop.NOTHING_MOVES
+        self._start = record_of(before)
+
+    def stage(self, setting: Setting, engine: Engine, n_sweeps: int) -> None:
+        """Sweep so often at most."""
+        if self.stop is Stop.TIME_LIMIT:
+            return
+        n_movable = setting.stars.vertices.size
+        moves = Moves(np.zeros(n_movable), np.zeros(n_movable))
+        sweep = self.method.start(setting)
+        first, seconds = len(self.history), self.seconds
+        self.stop = None
+        while self.stop is None and len(self.history) < first + n_sweeps:
+            started = time.perf_counter()
+            sweep.prepare(self.xy)
+            engine.run(lambda colours: sweep.move(self.xy, colours, moves), sweep.n_colours)
+            self.seconds += time.perf_counter() - started
+            self.history.append(record(Quality(self.topology, self.xy), *moves))
+            if self.method.callback is not None:
+                self.method.callback(self.history[-1])
+            self.stop = self._why_stop(self.history[first:])
+        past = self.history[first - 1] if first else self._start
+        self.stages.append(
+            Stage(
+                aim=setting.aim,
+                sweeps=len(self.history) - first,
+                seconds=self.seconds - seconds,
+                gain=gain(past, self.history[-1]) if self.history else {},
+            )
+        )
+
+    def _why_stop(self, records: list[SweepRecord]) -> Stop | None:
+        limit = self.method.time_limit
+        if limit is not None and self.seconds >= limit:
+            return Stop.TIME_LIMIT
+        if self.method.rtol == 0.0:
+            return None
+        if records[-1].largest_share <= self.method.rtol:
+            return Stop.RESTS
+        return None if _improves(records) else Stop.SETTLED
+
+    def outcome(self, **known: Any) -> Outcome:
+        """Sum up."""
+        stop = Stop.MAX_SWEEPS if self.stop is None else self.stop
+        stop_at = {
+            Stop.RESTS: self.method.rtol,
+            Stop.MAX_SWEEPS: self.method.max_sweeps,
+            Stop.TIME_LIMIT: self.method.time_limit,
+        }.get(stop)
+        return Outcome(
+            stop=stop,
+            stop_at=math.nan if stop_at is None else float(stop_at),
+            stages=tuple(self.stages),
+            largest_share=self.history[-1].largest_share if self.history else 0.0,
+            **known,
+        )
+
+
+def record_of(before: Summary) -> SweepRecord:
+    """Note how a mesh is before the first sweep."""
+    return SweepRecord(
+        largest_move=0.0,
+        largest_share=0.0,
+        n_moved=0,
+        min_angle=before.worst["min_angle"],
+        max_angle=before.worst["max_angle"],
+        mean_shape=before.mean["shape"],
+        n_invalid=before.n_invalid,
+    )
+
+
+def record(now: Quality, lengths: FloatArray, shares: FloatArray) -> SweepRecord:
+    """Note what a sweep did."""
+    smallest, largest = now.extreme_angles
+    return SweepRecord(
+        largest_move=float(lengths.max()),
+        largest_share=float(shares.max()),
+        n_moved=int((lengths > 0.0).sum()),
+        min_angle=smallest,
+        max_angle=largest,
+        mean_shape=float(now.shape.mean()),
+        n_invalid=now.n_invalid,
+    )
+
+
+def gain(past: SweepRecord, now: SweepRecord) -> dict[str, float]:
+    """By how much the figures of a record have grown."""
+    names = ("min_angle", "max_angle", "mean_shape", "n_invalid")
+    return {name: getattr(now, name) - getattr(past, name) for name in names}
+
+
+def invalid_cells(before: Quality, after: Quality) -> Invalid | None:
+    """Count the invalid cells; None where there were none and are none."""
+    if not before.n_invalid and not after.n_invalid:
+        return None
+    bad = after.validity != Validity.VALID
+    return Invalid(
+        before=before.n_invalid,
+        after=after.n_invalid,
+        first=int(np.argmax(bad)) if after.n_invalid else -1,
+    )
+
+
+def moved(mesh: Mesh, xy: FloatArray) -> BoolArray:
+    """Mark the vertices that are elsewhere now, (n_vertices,)."""
+    marked: BoolArray = (xy != mesh.xy).any(axis=1)
+    return marked
+
+
+def stored(mesh: Mesh, xy: FloatArray) -> Mesh:
+    """Give the mesh its new coordinates, certified as they are stored.
+
+    In x and y what was certified is what is stored. Points of a tilted plane are rounded once
+    more: where that costs a corner, by a hair, the cell's vertices go back to where they were.
+    """
+    marked = moved(mesh, xy)
+    result = mesh.with_xy(xy, marked)
+    if mesh.plane is None:
+        return result
+    was_valid = quality(mesh).validity == Validity.VALID
+    while True:
+        lost = was_valid & (quality(result).validity != Validity.VALID)
+        if not lost.any():
+            return result
+        marked[mesh.cell_vertices[np.repeat(lost, mesh.topology.cell_sizes)]] = False
+        result = mesh.with_xy(xy, marked)
+
+
+def _improves(records: list[SweepRecord]) -> bool:
+    """Whether the last sweeps got the mesh better than all before them."""
+    if len(records) <= PATIENCE:
+        return True
+    past, recent = records[:-PATIENCE], records[-PATIENCE:]
+    return (
+        max(r.min_angle for r in recent) > max(r.min_angle for r in past) + LEAST_ANGLE_GAIN
+        or min(r.max_angle for r in recent) < min(r.max_angle for r in past) - LEAST_ANGLE_GAIN
+        or max(r.mean_shape for r in recent) > max(r.mean_shape for r in past) + LEAST_SHAPE_GAIN
+    )

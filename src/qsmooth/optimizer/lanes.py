@@ -1,0 +1,91 @@
+"""The movable vertices of a mesh in blocks of lanes, and the optimiser's sweeps over them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from qsmooth._types import FloatArray
+from qsmooth.engine import Engine
+from qsmooth.kernels.stars import Moves, Rings, Stars
+from qsmooth.metrics import Quality
+from qsmooth.optimizer.progress import Progress
+from qsmooth.topology import Topology
+
+if TYPE_CHECKING:
+    from qsmooth.kernels.newton_sweep import Wall
+
+# Multiple of the Newton step that is tried first: neighbours follow the same way in their turn.
+RELAXATION = 1.7
+
+
+class Lanes:
+    """Sweeps over the movable vertices, and measures that only what can move counts in.
+
+    Parameters
+    ----------
+    topology, stars
+        Of the mesh, and of the vertices that may move.
+    engine
+        Who runs the sweeps.
+    """
+
+    def __init__(self, topology: Topology, stars: Stars, engine: Engine) -> None:
+        from qsmooth.kernels.blocks import build_blocks
+
+        self.topology, self.stars, self._engine = topology, stars, engine
+        self.movable = np.zeros(topology.n_vertices, np.bool_)
+        self.movable[stars.vertices] = True
+        self._blocks = build_blocks(stars)
+        self._n_colours = self._blocks.colour_blocks.size - 1
+        self._rings = Rings(*topology.rings)
+        n_movable = self._blocks.vertices.size
+        self._moves = Moves(np.zeros(n_movable), np.zeros(n_movable))
+        self._shortest = np.empty(n_movable)
+        self._badness, self._shape = np.empty(topology.n_cells), np.empty(topology.n_cells)
+
+    def quality(self, xy: FloatArray) -> Quality:
+        """Measure the mesh at these coordinates."""
+        return Quality(self.topology, xy)
+
+    def newton(self, xy: FloatArray, wall: Wall, progress: Progress) -> None:
+        """Sweep a round downhill on the mean shape and the wall."""
+        from qsmooth.kernels.newton_sweep import newton_sweep
+
+        lengths = self._moves.lengths
+        for _ in range(progress.next_round()):
+            self._engine.run(
+                lambda colours: newton_sweep(xy, self._blocks, colours, RELAXATION, wall, lengths),
+                self._n_colours,
+            )
+            progress.sweeps += 1
+
+    def untangle(self, xy: FloatArray, sizes: FloatArray, epsilon: float) -> None:
+        """Sweep once downhill on the regularised energy; sizes are squared lengths, (n,)."""
+        from qsmooth.kernels.untangle_sweep import untangle_sweep
+
+        lengths = self._moves.lengths
+        self._engine.run(
+            lambda colours: untangle_sweep(
+                xy, self._blocks, colours, RELAXATION, sizes, epsilon, lengths
+            ),
+            self._n_colours,
+        )
+
+    def report(self, xy: FloatArray, now: Quality, progress: Progress) -> None:
+        """Note the last sweep in the history."""
+        from qsmooth.kernels.untangle_sweep import shortest_edges
+
+        lengths, shares = self._moves
+        shortest_edges(xy, *self._rings, self._blocks.vertices, self._shortest)
+        shares[:] = 0.0
+        np.divide(lengths, self._shortest, out=shares, where=lengths > 0.0)
+        progress.note(now, self._moves)
+
+    def energy(self, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Largest badness and mean shape energy of each cell, overwritten by the next call."""
+        from qsmooth.kernels.newton_sweep import cell_energy
+
+        cell_energy(xy, *self.topology.cells, self.movable, self._badness, self._shape)
+        return self._badness, self._shape

@@ -1,0 +1,89 @@
+"""The clock, the counts and the history of one run of the optimiser."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from qsmooth._types import FloatArray
+from qsmooth.methods.base import Method
+from qsmooth.methods.driver import gain, record, record_of
+from qsmooth.metrics import Quality, Summary
+from qsmooth.outcome import Aim, Stage, Stop
+from qsmooth.result import SweepRecord
+
+if TYPE_CHECKING:
+    from qsmooth.kernels.stars import Moves
+
+# Sweeps between two looks at the mesh.
+ROUND = 10
+
+
+class Progress:
+    """How far a run is: sweeps, stages, history, and whether a limit of the caller is reached.
+
+    Attributes
+    ----------
+    sweeps, steps
+        Sweeps over the vertices and Newton steps on all of them so far.
+    stop
+        The caller's limit that was reached, None so far.
+    """
+
+    def __init__(self, options: Method, before: Summary) -> None:
+        self._options = options
+        self.sweeps, self.steps = 0, 0
+        self.stop: Stop | None = None
+        self.stages: list[Stage] = []
+        self.history: list[SweepRecord] = []
+        self._last = record_of(before)
+        self._started = time.perf_counter()
+
+    @property
+    def seconds(self) -> float:
+        """Time since the start."""
+        return time.perf_counter() - self._started
+
+    @property
+    def stop_at(self) -> float:
+        """The value of the option that stopped it, NaN where none did."""
+        value = None if self.stop is None else getattr(self._options, self.stop.value)
+        return math.nan if value is None else float(value)
+
+    def spent(self) -> bool:
+        """Whether a limit that the caller set is reached."""
+        limit = self._options.time_limit
+        if self.sweeps >= self._options.max_sweeps:
+            self.stop = Stop.MAX_SWEEPS
+        elif limit is not None and self.seconds >= limit:
+            self.stop = Stop.TIME_LIMIT
+        return self.stop is not None
+
+    def next_round(self) -> int:
+        """Sweeps of the next round."""
+        return min(ROUND, self._options.max_sweeps - self.sweeps)
+
+    def note(self, now: Quality, moves: Moves | tuple[FloatArray, FloatArray]) -> None:
+        """Put a round into the history, and tell the caller."""
+        self.history.append(record(now, *moves))
+        if self._options.callback is not None:
+            self._options.callback(self.history[-1])
+
+    @contextmanager
+    def stage(self, aim: Aim) -> Iterator[None]:
+        """Count what is done inside the block as one stage."""
+        sweeps, steps, seconds = self.sweeps, self.steps, self.seconds
+        yield
+        past, self._last = self._last, self.history[-1] if self.history else self._last
+        self.stages.append(
+            Stage(
+                aim=aim,
+                sweeps=self.sweeps - sweeps,
+                steps=self.steps - steps,
+                seconds=self.seconds - seconds,
+                gain=gain(past, self._last),
+            )
+        )

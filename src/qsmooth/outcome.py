@@ -1,0 +1,204 @@
+"""Outcomes: what a method did to a mesh and why it stopped, as records; `wording` says it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass, field
+from enum import StrEnum
+from typing import Any
+
+
+class Stop(StrEnum):
+    """Why a method stopped."""
+
+    RESTS = "rests"  # every vertex moves by less than `rtol` of its shortest edge
+    SETTLED = "settled"  # quality no longer improves
+    TARGET_QUALITY = "target_quality"  # the worst cell is as good as was asked for
+    VALID = "valid"  # all cells are valid, which was all that was asked for
+    STUCK = "stuck"  # untangling found no way for the cells that stay invalid
+    MAX_SWEEPS = "max_sweeps"
+    TIME_LIMIT = "time_limit"
+    NOTHING_MOVES = "nothing_moves"  # no vertex may move
+
+    @property
+    def by_itself(self) -> bool:
+        """Whether it was done, and neither cut short nor stuck."""
+        return self not in (Stop.MAX_SWEEPS, Stop.TIME_LIMIT, Stop.STUCK)
+
+
+class Aim(StrEnum):
+    """What a stage is for."""
+
+    ALL_CELLS = "all_cells"
+    WORST_GROUP = "worst_group"  # only the cells with the largest angles propose moves
+    REST = "rest"  # only the others do
+    UNTANGLE = "untangle"
+    MEAN_SHAPE = "mean_shape"
+    WORST_CELLS = "worst_cells"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stage:
+    """A run of sweeps with one aim.
+
+    Attributes
+    ----------
+    aim
+        What it is for.
+    sweeps, steps
+        Sweeps over the vertices, and Newton steps on all of them at once.
+    seconds
+        Time it took, callbacks left out.
+    gain
+        By figure (``min_angle``, ``max_angle``, ``mean_shape``, ``n_invalid``) how much larger it
+        was after the stage than before.
+    """
+
+    aim: Aim
+    sweeps: int
+    steps: int = 0
+    seconds: float = field(default=0.0, compare=False)
+    gain: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trade:
+    """A figure that got worse for the sake of another.
+
+    Attributes
+    ----------
+    figure, before, after
+        The one that was given up: ``mean_shape``.
+    gained
+        The one that it was given for: ``scaled_jacobian``.
+    """
+
+    figure: str
+    before: float
+    after: float
+    gained: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Invalid:
+    """Cells that stay invalid.
+
+    Attributes
+    ----------
+    before, after
+        How many cells were and are invalid.
+    first
+        The first that is, -1 where there is none.
+    proven, first_proven
+        Of those that are, how many no method can mend, as the three vertices of a corner that is
+        not convex are all fixed; and the first of these, -1 where there is none.
+    """
+
+    before: int
+    after: int
+    first: int = -1
+    proven: int = 0
+    first_proven: int = -1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cut:
+    """Quads that were smoothed as two triangles each.
+
+    Attributes
+    ----------
+    quads
+        How many there are.
+    diagonal
+        Along which they were cut.
+    broken
+        How many were valid and are no longer.
+    """
+
+    quads: int
+    diagonal: str
+    broken: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Forbidden:
+    """A better worst cell that was seen, and not taken as it would have cost too much.
+
+    Attributes
+    ----------
+    scaled_jacobian
+        Of that worst cell.
+    mean_loss
+        Share of the best mean shape that it may cost at most.
+    """
+
+    scaled_jacobian: float
+    mean_loss: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What a method did and why it stopped.
+
+    Attributes
+    ----------
+    method
+        Its name.
+    stop, stop_at
+        Why it stopped; and the value of the option that stopped it (``rtol``, ``max_sweeps``,
+        ``time_limit`` or ``target_quality``), NaN where none did.
+    chosen
+        Why ``"auto"`` took the method; "" where it was asked for by name or is the usual one.
+    guarded, untangles
+        Whether it keeps valid cells valid; whether it makes invalid ones valid.
+    selected
+        Whether only vertices of selected cells could move.
+    unchanged
+        Whether every vertex is where it was.
+    stages
+        What was done, in order.
+    largest_share
+        Longest move of the last sweep as a share of its vertex's shortest edge.
+    trades
+        What got worse for the sake of something else.
+    forbidden
+        What could have been better at a cost that an option forbids.
+    invalid
+        What is or was not valid; None in a mesh of valid cells that stays one.
+    cut
+        How quads were cut in two, where they were.
+    limits
+        Provable bounds of the angles, `qsmooth.Limits`, where the method works them out.
+    """
+
+    method: str
+    stop: Stop
+    stop_at: float = math.nan
+    chosen: str = ""
+    guarded: bool = True
+    untangles: bool = False
+    selected: bool = False
+    unchanged: bool = False
+    stages: tuple[Stage, ...] = ()
+    largest_share: float = 0.0
+    trades: tuple[Trade, ...] = ()
+    forbidden: Forbidden | None = None
+    invalid: Invalid | None = None
+    cut: Cut | None = None
+    limits: Any = None
+
+    @property
+    def sweeps(self) -> int:
+        """Sweeps of all stages."""
+        return sum(stage.sweeps for stage in self.stages)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values, fit for JSON."""
+        plain: dict[str, Any] = {**vars(self), "stop": self.stop.value, "sweeps": self.sweeps}
+        plain["stop_at"] = None if math.isnan(self.stop_at) else self.stop_at
+        for name in ("stages", "trades"):
+            plain[name] = [asdict(record) for record in plain[name]]
+        for name in ("forbidden", "invalid", "cut"):
+            plain[name] = None if plain[name] is None else asdict(plain[name])
+        plain["limits"] = None if self.limits is None else self.limits.to_dict()
+        return plain

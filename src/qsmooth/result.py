@@ -1,0 +1,136 @@
+"""What smoothing gives back: the mesh, its quality before and after, and how it came about."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any, SupportsIndex, overload
+
+import numpy as np
+import numpy.typing as npt
+
+from qsmooth._types import FloatArray
+from qsmooth._words import did_you_mean
+from qsmooth.mesh import Mesh
+from qsmooth.metrics import Summary
+from qsmooth.outcome import Outcome
+from qsmooth.wording import reason
+
+
+@dataclass(frozen=True)
+class SweepRecord:
+    """What one sweep did; of the optimiser, one round of sweeps.
+
+    Attributes
+    ----------
+    largest_move
+        Length of the longest move, in the mesh's unit.
+    largest_share
+        Largest move as a share of its vertex's shortest edge.
+    n_moved
+        Vertices that moved.
+    min_angle, max_angle
+        Smallest and largest angle of the mesh afterwards, degrees.
+    mean_shape
+        Mean of the cells' shape afterwards.
+    n_invalid
+        Cells that are not valid afterwards.
+    """
+
+    largest_move: float
+    largest_share: float
+    n_moved: int
+    min_angle: float
+    max_angle: float
+    mean_shape: float
+    n_invalid: int
+
+
+class History(tuple[SweepRecord, ...]):
+    """Records of the sweeps in order; ``history["min_angle"]`` is an array, a value a sweep."""
+
+    __slots__ = ()
+
+    def __new__(cls, records: Iterable[SweepRecord] = ()) -> History:
+        """Keep the records."""
+        return super().__new__(cls, tuple(records))
+
+    @overload
+    def __getitem__(self, key: str) -> npt.NDArray[Any]: ...
+    @overload
+    def __getitem__(self, key: SupportsIndex) -> SweepRecord: ...
+    @overload
+    def __getitem__(self, key: slice) -> tuple[SweepRecord, ...]: ...
+    def __getitem__(self, key: str | SupportsIndex | slice) -> Any:
+        """Get a column by its name, or records as of a tuple."""
+        if not isinstance(key, str):
+            return super().__getitem__(key)
+        names = [f.name for f in fields(SweepRecord)]
+        if key not in names:
+            raise KeyError(f"no column {key!r} in the history{did_you_mean(key, names)}")
+        return np.array([getattr(record, key) for record in self])
+
+
+@dataclass(frozen=True)
+class SmoothResult:
+    """A smoothed mesh, and how it came about.
+
+    Attributes
+    ----------
+    mesh
+        The mesh at its new coordinates; connectivity and data are the input's.
+    outcome
+        What was done and why it stopped, as a record.
+    history
+        A record a sweep, of the optimiser a round of ten; columns by name.
+    before, after
+        Quality of the input and of the result.
+    seconds
+        Time of the sweeps, without reading, checking and summing up.
+    """
+
+    mesh: Mesh
+    outcome: Outcome
+    history: History = field(repr=False)
+    before: Summary = field(repr=False)
+    after: Summary = field(repr=False)
+    seconds: float
+
+    @property
+    def points(self) -> FloatArray:
+        """New coordinates, in the shape of the input's."""
+        return self.mesh.points
+
+    @property
+    def method(self) -> str:
+        """The method's name."""
+        return self.outcome.method
+
+    @property
+    def sweeps(self) -> int:
+        """How many sweeps were made."""
+        return self.outcome.sweeps
+
+    @property
+    def converged(self) -> bool:
+        """Whether it stopped by itself, and neither at a limit of the caller nor stuck."""
+        return self.outcome.stop.by_itself
+
+    @property
+    def reason(self) -> str:
+        """What was done and why it stopped, in words for people; programs read `outcome`."""
+        return reason(self.outcome)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values, fit for JSON, without the mesh."""
+        return {
+            "method": self.method,
+            "sweeps": self.sweeps,
+            "converged": self.converged,
+            "reason": self.reason,
+            "seconds": self.seconds,
+            "outcome": self.outcome.to_dict(),
+            "before": self.before.to_dict(),
+            "after": self.after.to_dict(),
+            "history": [asdict(record) for record in self.history],
+        }
