@@ -10,15 +10,32 @@ import dataclasses
 import difflib
 import functools
 import math
+import re
 import types
 import typing
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 _METADATA = "qsmooth"
+# An option in a text, with a value or without: "`bad_step`", "`split_quads='shorter'`".
+_NAMED = re.compile(r"`(\w+(?:=[^`]*)?)`")
+
+
+class OptionError(ValueError):
+    """A value that an option does not take.
+
+    Attributes
+    ----------
+    text
+        The message with options marked, as `spelled` takes it.
+    """
+
+    def __init__(self, text: str) -> None:
+        super().__init__(spelled(text))
+        self.text = text
 
 
 @dataclass(frozen=True)
@@ -59,7 +76,7 @@ class Spec:
     name, default
         As in Python; `default` may be None, which `default_words` explains.
     help
-        One line.
+        One line; other options in it stand in backticks, so that they can be written as in a shell.
     kind
         ``"number"``, ``"integer"``, ``"flag"``, ``"choice"``, or ``"object"``, which only its own
         class can check.
@@ -75,6 +92,8 @@ class Spec:
         What stands for its value in the help of the command line.
     default_words
         The default in words, where the value does not say it.
+    parse
+        Makes a value of the text that a command line gives, where its kind does not say how.
     """
 
     name: str
@@ -88,6 +107,7 @@ class Spec:
     flag: str | None = ""
     metavar: str = ""
     default_words: str = ""
+    parse: Callable[[str], Any] | None = None
 
     @property
     def range_words(self) -> str:
@@ -104,27 +124,27 @@ class Spec:
 
         Raises
         ------
-        ValueError
+        OptionError
             Naming the option, its range and the value.
         """
         if value is None and self.optional:
             return None
         if self.kind == "flag":
             if not isinstance(value, (bool, np.bool_)):
-                raise ValueError(f"{self.name} must be True or False, got {value!r}")
+                raise OptionError(f"`{self.name}` must be True or False, got {value!r}")
             return bool(value)
         if self.kind == "choice":
             if not any(value is c or (type(value) is type(c) and value == c) for c in self.choices):
-                raise ValueError(f"{self.name} must be {one_of(self.choices)}, got {value!r}")
+                raise OptionError(f"`{self.name}` must be {one_of(self.choices)}, got {value!r}")
             return value
         if self.kind == "object":
             return value
         whole = self.kind == "integer"
         if not is_number(value, whole):
             what = self.range_words if whole else "a number"
-            raise ValueError(f"{self.name} must be {what or 'an integer'}, got {value!r}")
+            raise OptionError(f"`{self.name}` must be {what or 'an integer'}, got {value!r}")
         if self.interval is not None and value not in self.interval:
-            raise ValueError(f"{self.name} must be {self.range_words}, got {value}")
+            raise OptionError(f"`{self.name}` must be {self.range_words}, got {value}")
         return int(value) if whole else float(value)
 
 
@@ -137,6 +157,7 @@ def option(
     flag: str | None = "",
     metavar: str = "",
     default_words: str = "",
+    parse: Callable[[str], Any] | None = None,
 ) -> Any:
     """Declare a field of an `Options` class; see `Spec` for the arguments.
 
@@ -149,13 +170,21 @@ def option(
         "flag": flag,
         "metavar": metavar,
         "default_words": default_words,
+        "parse": parse,
     }
     return dataclasses.field(default=default, metadata={_METADATA: metadata})
 
 
-def opaque(default: Any, *, help: str, flag: str | None = "", metavar: str = "") -> Any:
+def opaque(
+    default: Any,
+    *,
+    help: str,
+    flag: str | None = "",
+    metavar: str = "",
+    parse: Callable[[str], Any] | None = None,
+) -> Any:
     """Declare an option that is no plain value and so does not count when options are compared."""
-    field = option(default, help=help, flag=flag, metavar=metavar)
+    field = option(default, help=help, flag=flag, metavar=metavar, parse=parse)
     return dataclasses.field(default=default, metadata=field.metadata, compare=False, hash=False)
 
 
@@ -190,7 +219,7 @@ class Options:
         ------
         TypeError
             For a name that is no option; it says what was meant, where that can be told.
-        ValueError
+        OptionError
             For a value out of range.
         """
         for name in options:
@@ -199,6 +228,12 @@ class Options:
                     f"{cls.owner} has no option {name!r}{did_you_mean(name, cls.specs())}"
                 )
         return cls(**options)
+
+    @classmethod
+    def takes(cls, name: str, value: Any) -> bool:
+        """Whether there is such an option and, where it is a choice, whether the value is one."""
+        spec = cls.specs().get(name)
+        return spec is not None and (spec.kind != "choice" or value in spec.choices)
 
     def given(self) -> dict[str, Any]:
         """Options that differ from their defaults, by name."""
@@ -209,10 +244,15 @@ class Options:
         }
 
 
-def did_you_mean(name: str, names: Iterable[str]) -> str:
+def spelled(text: str, spell: Callable[[str], str] = str) -> str:
+    """Write the options in a text, which stand in backticks, in another way: with `spell`."""
+    return _NAMED.sub(lambda found: spell(found[1]), text)
+
+
+def did_you_mean(name: str, names: Iterable[str], spell: Callable[[str], str] = repr) -> str:
     """Ask for the nearest of the names, as the end of a message; "" where none is near."""
     near = difflib.get_close_matches(str(name), list(names), n=1, cutoff=0.6)
-    return f"; did you mean {near[0]!r}?" if near else ""
+    return f"; did you mean {spell(near[0])}?" if near else ""
 
 
 def one_of(values: Iterable[Any]) -> str:

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from qsmooth._types import BoolArray
 from qsmooth.mesh import Mesh
 from qsmooth.metrics import HIGHER_IS_BETTER, quality
+from qsmooth.options import OptionError
 
 _COMPARE: dict[str, Callable[[Any, Any], Any]] = {
     "<": operator.lt,
@@ -20,6 +21,7 @@ _COMPARE: dict[str, Callable[[Any, Any], Any]] = {
     ">": operator.gt,
     ">=": operator.ge,
 }
+_IDS = re.compile(r"[\d\s,]*\d[\d\s,]*")
 _THRESHOLD = re.compile(r"\s*(\w+)\s*(<=|>=|<|>)\s*(\S+)\s*")
 
 
@@ -43,6 +45,26 @@ def parse_threshold(text: str) -> tuple[str, str, float]:
     )
 
 
+def parse_selection(text: str) -> list[int] | str:
+    """Take a selection in words: cell ids such as ``"3,7,12"``, or a threshold, which stays one.
+
+    Raises
+    ------
+    OptionError
+        If it is neither.
+    """
+    if _IDS.fullmatch(text):
+        return [int(number) for number in re.split(r"[\s,]+", text.strip(" ,"))]
+    try:
+        parse_threshold(text)
+    except ValueError:
+        raise OptionError(
+            "`selection` takes cell ids such as 3,7,12 or a threshold such as 'max_angle > 150' "
+            f"on one of {', '.join(HIGHER_IS_BETTER)}; got '{text}'"
+        ) from None
+    return text
+
+
 def select_cells(mesh: Mesh, selection: npt.ArrayLike | str, rings: int = 0) -> BoolArray:
     """Mark the selected cells.
 
@@ -60,7 +82,7 @@ def select_cells(mesh: Mesh, selection: npt.ArrayLike | str, rings: int = 0) -> 
 
     Raises
     ------
-    ValueError
+    OptionError
         If `selection` is none of these, or has ids that are no cells.
     """
     if isinstance(selection, str):
@@ -84,22 +106,21 @@ def vertices_of(mesh: Mesh, cells: BoolArray) -> BoolArray:
 def _marked(array: npt.NDArray[Any], n_cells: int) -> BoolArray:
     if array.dtype == np.bool_:
         if array.shape != (n_cells,):
-            raise ValueError(
-                f"a selection mask must have the shape ({n_cells},), got {array.shape}"
+            raise OptionError(
+                f"a `selection` mask must have the shape ({n_cells},), got {array.shape}"
             )
         return array.copy()
     marked = np.zeros(n_cells, np.bool_)
     if array.size == 0:
         return marked
     if array.dtype.kind not in "iu" or array.ndim != 1:
-        raise ValueError("selection must be cell ids, a boolean mask or a threshold")
+        raise OptionError("`selection` must be cell ids, a boolean mask or a threshold")
     bad = (array < 0) | (array >= n_cells)
     if bad.any():
         n = int(bad.sum())
-        raise ValueError(
-            f"{n} {'cell id in selection is' if n == 1 else 'cell ids in selection are'} outside "
-            f"0 .. {n_cells - 1}, "
-            f"the first is {array[np.argmax(bad)]}"
+        raise OptionError(
+            f"{n} {'cell id in `selection` is' if n == 1 else 'cell ids in `selection` are'} "
+            f"outside 0 .. {n_cells - 1}, the first is {array[np.argmax(bad)]}"
         )
     marked[array.astype(np.int64)] = True
     return marked
