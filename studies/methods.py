@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from qsmooth import Mesh, Summary, quality, read_mesh, smooth
+from qsmooth import Mesh, Summary, compare, quality, read_mesh
 from qsmooth.examples import (
     boundary_layer,
     lake,
@@ -22,7 +22,7 @@ from qsmooth.examples import (
     spiral,
     tangled,
 )
-from qsmooth.smoothing import METHODS, why_not
+from qsmooth.registry import methods
 
 MESHES = {
     "`spiral()`, 1.9K quads": spiral,
@@ -33,7 +33,6 @@ MESHES = {
     "`random_triangles()`, 1K triangles": random_triangles,
     "`simple_case(12)`, 12 triangles": lambda: simple_case(12),
 }
-ORDER = ["laplacian", "smart-laplacian", "star", "quad", "optimize", "angle", "aspect-ratio"]
 
 
 def angles_text(summary: Summary) -> str:
@@ -52,7 +51,7 @@ def print_table(
     title: str, columns: dict[str, dict[str, Summary]], text: Callable[[Summary], str]
 ) -> None:
     """Print one figure of all meshes and methods as a table in Markdown."""
-    heads = ["before", *ORDER]
+    heads = ["before", *methods()]
     print(f"{title}\n")
     print(f"| Mesh | {' | '.join(heads)} |\n|{' --- |' * (len(heads) + 1)}")
     for name, summaries in columns.items():
@@ -63,15 +62,13 @@ def print_table(
 
 def main(paths: list[str]) -> None:
     """Smooth all meshes with all methods."""
-    assert set(ORDER) == set(METHODS)
     meshes: dict[str, Mesh] = {name: make() for name, make in MESHES.items()}
     meshes |= {Path(path).stem: read_mesh(path) for path in paths}
     columns = {}
     for name, mesh in meshes.items():
         columns[name] = {"before": quality(mesh).summary()}
-        for method in ORDER:
-            if not why_not(mesh, method):
-                columns[name][method] = smooth(mesh, method).after
+        results, _ = compare(mesh)
+        columns[name] |= {method: result.after for method, result in results.items()}
     print_table("Smallest and largest angle, mean shape", columns, angles_text)
     print_table("Largest aspect ratio, size ratio of neighbours", columns, sizes_text)
 

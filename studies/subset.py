@@ -23,8 +23,8 @@ from pathlib import Path
 from typing import Any
 
 import qsmooth
-import qsmooth.smoothing
 from qsmooth import Mesh, SmoothResult, Summary
+from qsmooth.registry import method_class
 
 STEPS: dict[str, dict[str, Any]] = {
     f"step {step}": {"step": step} for step in (0.125, 0.25, 0.375, 0.5, 0.75, 1.0)
@@ -137,8 +137,9 @@ def study(name: str, mesh: Mesh, only: list[str]) -> dict[tuple[str, str], float
     results = {}
     for label, options in EVERY_METHOD.items():
         method = label.split(",")[0]
-        if not qsmooth.smoothing.why_not(mesh, method) or "split_quads" in options:
-            results[label] = qsmooth.smooth(mesh, method, rtol=0.0, **options)
+        chosen = method_class(method)(rtol=0.0, **options)
+        if not chosen.why_not(mesh):
+            results[label] = qsmooth.smooth(mesh, chosen)
             print(row(label, results[label]), flush=True)
     print("\n| method | invalid cells at the end | most after any sweep |\n| --- | --- | --- |")
     for label, result in results.items():

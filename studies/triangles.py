@@ -20,7 +20,9 @@ import qsmooth
 from qsmooth import Mesh, examples
 from qsmooth.kernels.aspect_ratio import aspect_ratio_sweep, star_edge_ratio
 from qsmooth.kernels.quad import guarded_commit
-from qsmooth.smoothing import GOOD_SCALED_JACOBIAN, RATIO_POWER
+from qsmooth.kernels.stars import Moves, Stars
+from qsmooth.methods.aspect_ratio import RATIO_POWER
+from qsmooth.methods.driver import GOOD_SCALED_JACOBIAN
 
 SIZES = (12, 40, 1000)
 SWEEPS = 50
@@ -47,39 +49,36 @@ def by_reading(
     `power` weights the mean, `rule` forbids the star's largest ratio to rise, and `order` is
     ``"colours"``, ``"at once"`` (all propose, then all follow) or ``"worst first"``.
     """
-    schedule = mesh.topology.schedule(True)
-    vertices, offsets, corners = schedule.vertices, schedule.offsets, schedule.corners
+    stars = mesh.topology.schedule(True)
+    n_movable = stars.vertices.size
+    everything = 0, stars.colour_offsets.size - 1
     tolerated = threshold if rule else math.inf
     good = max(GOOD_SCALED_JACOBIAN, float(qsmooth.quality(mesh).scaled_jacobian.min()))
     xy = mesh.xy.copy()
-    moves, shares = np.zeros(vertices.size), np.zeros(vertices.size)
+    moves = Moves(np.zeros(n_movable), np.zeros(n_movable))
+    # Every vertex a colour of its own: then one can be asked for alone.
+    alone_stars = stars._replace(colour_offsets=np.arange(n_movable + 1))
 
-    def sweep(at: FloatArray, colours: npt.NDArray[np.int64]) -> None:
-        aspect_ratio_sweep(
-            at, colours, vertices, offsets, corners, threshold, step, power, tolerated, good,
-            schedule.largest_star, moves, shares,
-        )  # fmt: skip
+    def sweep(at: FloatArray, stars: Stars, colours: tuple[int, int]) -> None:
+        aspect_ratio_sweep(at, stars, colours, threshold, step, power, tolerated, good, moves)
 
     for _ in range(SWEEPS):
         if order == "colours":
-            sweep(xy, schedule.colour_offsets)
+            sweep(xy, stars, everything)
         elif order == "at once":
-            wanted = np.empty((vertices.size, 2))
-            for i, v in enumerate(vertices):
+            wanted = np.empty((n_movable, 2))
+            for i, v in enumerate(stars.vertices):
                 alone = xy.copy()
-                sweep(alone, np.array([i, i + 1]))
+                sweep(alone, alone_stars, (i, i + 1))
                 wanted[i] = alone[v] - xy[v]
-            guarded_commit(
-                xy, schedule.colour_offsets, vertices, offsets, corners, wanted, good,
-                schedule.largest_star, moves, shares,
-            )  # fmt: skip
+            guarded_commit(xy, stars, everything, wanted, good, moves)
         else:
             ratios = [
-                star_edge_ratio(xy, corners, offsets[i], offsets[i + 1], xy[v, 0], xy[v, 1])
-                for i, v in enumerate(vertices)
+                star_edge_ratio(xy, stars, i, xy[v, 0], xy[v, 1])
+                for i, v in enumerate(stars.vertices)
             ]
             for i in np.argsort(ratios)[::-1]:
-                sweep(xy, np.array([i, i + 1]))
+                sweep(xy, alone_stars, (i, i + 1))
     return largest_ratio(mesh.with_points(xy))
 
 

@@ -4,12 +4,9 @@ import meshio
 import numpy as np
 import pytest
 
+from format_samples import POINTS, QUADS, TRIANGLES
 from qsmooth import MeshError, from_meshio, read_mesh, to_meshio
 from qsmooth.adapters import back, meshio_mesh, to_mesh
-
-POINTS = [(0, 0), (1, 0), (2, 0), (0, 1), (1.1, 0.9), (2, 1), (3, 0), (9, 9)]
-QUADS = [(0, 1, 4, 3), (1, 2, 5, 4)]
-TRIANGLES = [(2, 6, 5)]
 
 
 @pytest.fixture

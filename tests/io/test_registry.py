@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import qsmooth.io
+from format_samples import FILES, content_of
 from qsmooth.io import formats, own_formats, read_mesh, registry, write_mesh
 from qsmooth.mesh import Mesh
 
@@ -104,6 +105,8 @@ def test_a_file_is_of_one_format(tmp_path):
         path = tmp_path / form.NAME
         write_mesh(path, mesh, format=form.NAME)
         assert other.sniff(path.read_bytes()) == (form is other), (form.NAME, other.NAME)
+    for name in FILES:
+        assert sum(form.sniff(content_of(name)) for form in own_formats()) == 1, name
 
 
 def test_nothing_is_searched_before_a_file_is_read():

@@ -8,20 +8,28 @@ import sys
 import pytest
 
 from qsmooth import smooth
+from qsmooth.registry import methods
 
+pytestmark = pytest.mark.benchmark(group="methods")
 SWEEPS = 10
 
 
 @pytest.mark.parametrize("threads", [1, 2])
-@pytest.mark.parametrize("method", ["star", "quad", "smart-laplacian", "laplacian"])
-def test_method(benchmark, mesh, note, method, threads):
+@pytest.mark.parametrize("name", methods())
+def test_method(benchmark, mesh, note, name, threads):
+    kind = methods()[name]
+    every = {"rtol": 0.0} if "rtol" in kind.specs() else {}
+    method = kind(max_sweeps=SWEEPS, threads=threads, **every)
+    if method.why_not(mesh):
+        method = kind(max_sweeps=SWEEPS, threads=threads, split_quads=True, **every)
+
     def call():
-        return smooth(mesh, method, max_sweeps=SWEEPS, rtol=0.0, threads=threads)
+        return smooth(mesh, method)
 
     call()
     seconds = []
     benchmark.pedantic(lambda: seconds.append(call().seconds), rounds=3)
-    n_movable = mesh.topology.schedule(True).vertices.size
+    n_movable = mesh.topology.schedule().vertices.size
     updates = n_movable * SWEEPS / min(seconds)
     note(mesh, threads, sweeps=SWEEPS, updates_per_second=round(updates))
 
