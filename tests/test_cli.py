@@ -22,7 +22,7 @@ COMMANDS = ["smooth", "untangle", "quality", "compare", "info", "demo"]
 @pytest.fixture(autouse=True)
 def coarse(monkeypatch):
     """Figures of fewer pixels, for speed."""
-    monkeypatch.setattr("qsmooth.plot.DPI", 40)
+    monkeypatch.setattr("qsmooth.output.drawing.DPI", 40)
 
 
 @pytest.fixture
@@ -413,7 +413,7 @@ def test_places_that_cannot_be_written(fails, mesh_file, tmp_path):
 
 def test_smooth_with_figures(call, mesh_file, tmp_path, monkeypatch):
     pytest.importorskip("matplotlib")
-    monkeypatch.setattr("qsmooth.plot.VIEWS", ("worst",))  # for speed
+    monkeypatch.setattr("qsmooth.output.figures.VIEWS", ("worst",))  # for speed
     folder = tmp_path / "figures"
     code, out, _ = call(
         "smooth", mesh_file, "-o", tmp_path / "out.off", "--sweeps", 2, "--plot", folder,

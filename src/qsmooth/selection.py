@@ -11,8 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from qsmooth._types import BoolArray
+from qsmooth._words import did_you_mean
 from qsmooth.mesh import Mesh
-from qsmooth.metrics import HIGHER_IS_BETTER, quality
+from qsmooth.metrics import METRICS, quality
 from qsmooth.options import OptionError
 
 _COMPARE: dict[str, Callable[[Any, Any], Any]] = {
@@ -22,7 +23,7 @@ _COMPARE: dict[str, Callable[[Any, Any], Any]] = {
     ">=": operator.ge,
 }
 _IDS = re.compile(r"[\d\s,]*\d[\d\s,]*")
-_THRESHOLD = re.compile(r"\s*(\w+)\s*(<=|>=|<|>)\s*(\S+)\s*")
+_THRESHOLD = re.compile(r"\s*([\w-]+)\s*(<=|>=|<|>)\s*(\S+)\s*")
 
 
 def parse_threshold(text: str) -> tuple[str, str, float]:
@@ -30,19 +31,24 @@ def parse_threshold(text: str) -> tuple[str, str, float]:
 
     Raises
     ------
-    ValueError
+    OptionError
         If it does not read like that.
     """
     match = _THRESHOLD.fullmatch(text)
-    if match is not None and match[1] in HIGHER_IS_BETTER:
-        try:
-            return match[1], match[2], float(match[3])
-        except ValueError:
-            pass
-    raise ValueError(
-        "selection must be cells or a threshold such as 'max_angle > 150' on one of "
-        f"{', '.join(HIGHER_IS_BETTER)}; got {text!r}"
-    )
+    if match is None or match[1].replace("-", "_") not in METRICS:
+        near = "" if match is None else did_you_mean(match[1], METRICS)
+        raise OptionError(
+            "`selection` must be cells or a threshold such as 'max_angle > 150' on one of "
+            f"{', '.join(METRICS)}; got {text!r}{near}"
+        )
+    name, comparison, number = match.groups()
+    try:
+        return name.replace("-", "_"), comparison, float(number)
+    except ValueError:
+        raise OptionError(
+            "`selection` must be cells or a threshold such as 'max_angle > 150', and "
+            f"{number!r} is no number"
+        ) from None
 
 
 def parse_selection(text: str) -> list[int] | str:
@@ -55,13 +61,7 @@ def parse_selection(text: str) -> list[int] | str:
     """
     if _IDS.fullmatch(text):
         return [int(number) for number in re.split(r"[\s,]+", text.strip(" ,"))]
-    try:
-        parse_threshold(text)
-    except ValueError:
-        raise OptionError(
-            "`selection` takes cell ids such as 3,7,12 or a threshold such as 'max_angle > 150' "
-            f"on one of {', '.join(HIGHER_IS_BETTER)}; got '{text}'"
-        ) from None
+    parse_threshold(text)
     return text
 
 
@@ -72,7 +72,7 @@ def select_cells(mesh: Mesh, selection: npt.ArrayLike | str, rings: int = 0) -> 
     ----------
     selection
         Cell ids, a boolean mask over the cells, or a threshold such as ``"max_angle > 150"`` or
-        ``"scaled_jacobian <= 0.2"``.
+        ``"scaled_jacobian <= 0.2"``, on any metric; a cell that it is not defined for stays out.
     rings
         How often the selection grows by all cells that share a vertex with it.
 
@@ -86,8 +86,8 @@ def select_cells(mesh: Mesh, selection: npt.ArrayLike | str, rings: int = 0) -> 
         If `selection` is none of these, or has ids that are no cells.
     """
     if isinstance(selection, str):
-        metric, comparison, limit = parse_threshold(selection)
-        marked: BoolArray = np.asarray(_COMPARE[comparison](getattr(quality(mesh), metric), limit))
+        name, comparison, threshold = parse_threshold(selection)
+        marked: BoolArray = np.asarray(_COMPARE[comparison](quality(mesh)[name], threshold))
     else:
         marked = _marked(np.asarray(selection), mesh.n_cells)
     for _ in range(rings):

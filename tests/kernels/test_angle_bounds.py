@@ -9,7 +9,7 @@ import reference
 import reference_optimizer as slow
 from meshes import KINDS, fan, grid, random_mesh, random_meshes
 from qsmooth import Mesh
-from qsmooth.kernels.fans import angle_bounds
+from qsmooth.kernels.angle_bounds import angle_bounds
 from qsmooth.kernels.topology import corner_cells, stars
 
 

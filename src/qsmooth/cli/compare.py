@@ -109,15 +109,15 @@ def run_all(
 
 def show(name: str, results: Sequence[SmoothResult], skipped: Mapping[str, str]) -> None:
     """Print what the methods made of a mesh."""
-    from qsmooth import report
+    from qsmooth.output import tables
 
     before = results[0].before
-    terminal.write_heading(f"{name}: {report.size_text(before)}")
-    for table in report.comparison_tables(before, results, width=terminal.width()):
+    terminal.write_heading(f"{name}: {tables.size_text(before)}")
+    for table in tables.comparison_tables(before, results, width=terminal.width()):
         terminal.write_table(table)
     for result in results:
         running.show_outcome(result)
         if result.outcome.limits is not None:
             running.show_limits(result.outcome.limits)
     for method, reason in skipped.items():
-        terminal.write_line(f"{report.method_title(method)}: skipped; {reason}.")
+        terminal.write_line(f"{tables.method_title(method)}: skipped; {reason}.")

@@ -26,7 +26,7 @@ def info(
     length, hanging nodes, pinched vertices, parts, cells that are not valid.
     """
     from qsmooth.inspection import inspect
-    from qsmooth.report import inspection_table
+    from qsmooth.output.tables import inspection_table
 
     if ids < 0:
         raise ValueError(f"--ids must be 0 or more, got {ids}")

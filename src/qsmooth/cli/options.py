@@ -34,7 +34,7 @@ class Command:
     function
         What Typer calls. Its parameter ``options``, if it has one, stands for the made options: a
         dict of those that were given, by their names in Python. In the help of its other options
-        ``{methods}``, ``{auto}`` and ``{metrics}`` stand for names.
+        ``{methods}``, ``{auto}``, ``{metrics}`` and ``{short}`` stand for names.
     methods
         Gives the methods whose options it offers.
     only
@@ -294,13 +294,20 @@ def _auto() -> str:
 
 
 def _metric_names() -> str:
-    from qsmooth.metrics import HIGHER_IS_BETTER
+    from qsmooth.metrics import METRICS
 
-    return ", ".join(HIGHER_IS_BETTER)
+    return ", ".join(METRICS)
+
+
+def _short_metrics() -> str:
+    from qsmooth.metrics import parse_metrics
+
+    return ", ".join(parse_metrics(None))
 
 
 _NAMES: dict[str, Callable[[], str]] = {
     "methods": _method_names,
     "auto": _auto,
     "metrics": _metric_names,
+    "short": _short_metrics,
 }

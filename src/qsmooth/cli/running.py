@@ -62,11 +62,13 @@ def limits_of(result: SmoothResult, method: Method) -> Limits:
 
 def show_outcome(result: SmoothResult) -> None:
     """Say what was done and why it stopped; limits of the angles are left to `show_limits`."""
-    from qsmooth import report, wording
+    from qsmooth import wording
+    from qsmooth.output import tables
+    from qsmooth.table import time_text
 
     text = (
-        f"{report.method_title(result.method)}: {plural(result.sweeps, 'sweep')} in "
-        f"{report.time_text(result.seconds)}"
+        f"{tables.method_title(result.method)}: {plural(result.sweeps, 'sweep')} in "
+        f"{time_text(result.seconds)}"
     )
     reason = wording.reason(result.outcome, spell=spell, limits=False)
     write_line(f"{text}; {reason}." if reason else f"{text}.")

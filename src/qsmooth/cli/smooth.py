@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from qsmooth.cli import files, metrics, running, terminal
+from qsmooth.cli import files, running, terminal
 from qsmooth.cli.options import METHOD, REPORT, named
 
 
@@ -52,12 +52,13 @@ def smooth(
 
     Boundary vertices stay. OUT keeps everything that IN holds but the coordinates.
     """
-    from qsmooth import report
+    from qsmooth.metrics import find_metric
+    from qsmooth.output import tables
 
     files.refuse_unsafe(mesh_file, output, overwrite, json_file)
-    plot_metric = metrics.find(plot_metric, "--plot-metric")
+    plot_metric = find_metric(plot_metric.replace("-", "_"), "--plot-metric").name
     if plot is not None:
-        from qsmooth.plot import require_matplotlib
+        from qsmooth.output.drawing import require_matplotlib
 
         if plot.exists() and not plot.is_dir():
             raise ValueError(f"'{plot}' is a file; --plot takes a folder")
@@ -73,7 +74,7 @@ def smooth(
     write_mesh(output, result.mesh, format=output_format)
     written = [output]
     if plot is not None:
-        from qsmooth.plot import save_figures
+        from qsmooth.output.figures import save_figures
 
         save_figures(mesh, result, plot, metric=plot_metric)
         written.append(plot)
@@ -86,8 +87,8 @@ def smooth(
     }
     if terminal.write_json(json_file, facts):
         return
-    terminal.write_heading(f"{mesh_file}: {report.size_text(result.before)}")
-    terminal.write_table(report.change_table(result.before, result.after))
+    terminal.write_heading(f"{mesh_file}: {tables.size_text(result.before)}")
+    terminal.write_table(tables.change_table(result.before, result.after))
     running.show_outcome(result)
     running.show_limits(limits)
     terminal.write_line(f"Wrote {' and '.join(map(str, written))}")

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 if TYPE_CHECKING:
-    from qsmooth.report import Table
+    from qsmooth.table import Table
     from qsmooth.result import SweepRecord
 
 PASSED, FAILED, ERROR, INTERRUPTED, BROKEN_PIPE = 0, 1, 2, 130, 141
@@ -34,7 +34,7 @@ def width() -> int | None:
 
 def write(text: str) -> None:
     """Print a text as it is."""
-    from qsmooth.report import plain
+    from qsmooth.table import plain
 
     try:
         sys.stdout.write(plain(text, sys.stdout.encoding) + "\n")
@@ -85,7 +85,7 @@ def write_title(text: str) -> None:
 
 def write_json(path: Path | None, facts: dict[str, Any]) -> bool:
     """Write facts as JSON; True if that went to standard output in place of the tables."""
-    from qsmooth.report import finite
+    from qsmooth._json import finite
 
     if path is None:
         return False

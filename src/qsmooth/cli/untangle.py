@@ -27,7 +27,7 @@ def untangle(
     Exit code 0 where every cell is valid, 1 where some stay invalid; OUT then has the best that was
     found. Smoothing with method optimize does this first, by itself.
     """
-    from qsmooth import report
+    from qsmooth.output import tables
     from qsmooth.io import write_mesh
     from qsmooth.registry import all_methods
 
@@ -48,8 +48,8 @@ def untangle(
     }
     failed = f"FAILED: {plural(n_invalid, 'cell')} of {result.after.n_cells} not valid"
     if not terminal.write_json(json_file, facts):
-        terminal.write_heading(f"{mesh_file}: {report.size_text(result.before)}")
-        terminal.write_table(report.change_table(result.before, result.after))
+        terminal.write_heading(f"{mesh_file}: {tables.size_text(result.before)}")
+        terminal.write_table(tables.change_table(result.before, result.after))
         running.show_outcome(result)
         if n_invalid:
             terminal.write_line(failed)

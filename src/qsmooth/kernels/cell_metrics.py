@@ -143,6 +143,30 @@ def aspect_ratio(
 
 
 @parallel_kernel()
+def min_edge(
+    xy: FloatArray, cell_offsets: IndexArray, cell_vertices: IndexArray, out: FloatArray
+) -> None:
+    """Measure each cell's shortest edge, which bounds the time step of explicit solvers.
+
+    Parameters
+    ----------
+    xy, cell_offsets, cell_vertices
+        As in `angles`.
+    out : (n_cells,)
+        Overwritten. In the unit of the coordinates, 0 or more. NaN where a coordinate is NaN.
+    """
+    for c in prange(out.size):
+        first, last = cell_offsets[c], cell_offsets[c + 1]
+        shortest = np.inf
+        a = cell_vertices[last - 1]
+        for k in range(first, last):
+            b = cell_vertices[k]
+            shortest = np.minimum(shortest, distance(xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1]))
+            a = b
+        out[c] = shortest
+
+
+@parallel_kernel()
 def scaled_jacobian(
     xy: FloatArray, cell_offsets: IndexArray, cell_vertices: IndexArray, out: FloatArray
 ) -> None:

@@ -3,9 +3,10 @@ import sys
 import numpy as np
 import pytest
 
-from qsmooth import Mesh, plot, quality, smooth
+from qsmooth import Mesh, quality, smooth
 from qsmooth.examples import spiral
-from qsmooth.plot import VIEWS, plot_comparison, plot_histograms, plot_mesh, save_figures
+from qsmooth.output import drawing, figures
+from qsmooth.output.figures import VIEWS, plot_comparison, plot_histograms, plot_mesh, save_figures
 
 pytest.importorskip("matplotlib")
 
@@ -17,7 +18,7 @@ TILT = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, 0.25]])
 @pytest.fixture(autouse=True)
 def coarse(monkeypatch):
     """Fewer pixels, for speed."""
-    monkeypatch.setattr(plot, "DPI", 40)
+    monkeypatch.setattr(drawing, "DPI", 40)
 
 
 @pytest.fixture(scope="module")
@@ -92,15 +93,15 @@ def test_comparison_takes_pairs(mesh, result):
 def test_histograms_of_one_and_of_two(mesh, result):
     figure = plot_histograms(result)
     assert len(figure.axes) == 3
-    heights = [bar.get_height() for bar in figure.axes[0].patches]
+    heights = [bar.get_height() for bar in figure.axes[1].patches]
     before, after = result.before.histograms["max_angle"], result.after.histograms["max_angle"]
     assert heights == pytest.approx([*before.percent, *after.percent])
     assert "Cells not valid: 0 before, 0 after." in texts(figure)
     one = plot_histograms(mesh)
-    assert len(one.axes[0].patches) == len(before.percent)
+    assert len(one.axes[1].patches) == len(before.percent)
     assert "Cells not valid: 0." in texts(one)
     pair = plot_histograms(result.before, result.after)
-    assert [bar.get_height() for bar in pair.axes[0].patches] == pytest.approx(heights)
+    assert [bar.get_height() for bar in pair.axes[1].patches] == pytest.approx(heights)
 
 
 def test_tilted_plane(mesh):
@@ -166,4 +167,4 @@ def test_missing_matplotlib_says_what_to_install(mesh, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     with pytest.raises(ImportError, match=r"pip install 'qsmooth\[plot\]'"):
-        plot.plot_mesh(mesh)
+        figures.plot_mesh(mesh)

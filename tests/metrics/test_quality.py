@@ -174,6 +174,7 @@ def test_summary_of_a_mesh_by_hand():
             "aspect_ratio": 3.0,
             "scaled_jacobian": math.sin(math.radians(acute)) * 2 / math.sqrt(3),
             "shape": 0.6,
+            "size_jump": 3.0 * 3**0.5 / 4.0,
         }
     )
     assert summary.mean == pytest.approx(
@@ -183,6 +184,7 @@ def test_summary_of_a_mesh_by_hand():
             "aspect_ratio": 0.5 * (3.0 + math.sqrt(5)),
             "scaled_jacobian": 0.5 * (1 + math.sin(math.radians(acute)) * 2 / math.sqrt(3)),
             "shape": 0.5 * (0.6 + 4 * math.sqrt(3) / 10),
+            "size_jump": 3.0 * 3**0.5 / 4.0,
         }
     )
     assert summary.histograms["max_angle"].edges[:4] == (60.0, 70.0, 80.0, 90.0)
