@@ -10,14 +10,13 @@ import dataclasses
 import difflib
 import functools
 import math
+import numbers
 import re
 import types
 import typing
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
-
-import numpy as np
 
 _METADATA = "qsmooth"
 # An option in a text, with a value or without: "`bad_step`", "`split_quads='shorter'`".
@@ -130,7 +129,7 @@ class Spec:
         if value is None and self.optional:
             return None
         if self.kind == "flag":
-            if not isinstance(value, (bool, np.bool_)):
+            if not _is_truth(value):
                 raise OptionError(f"`{self.name}` must be True or False, got {value!r}")
             return bool(value)
         if self.kind == "choice":
@@ -263,8 +262,14 @@ def one_of(values: Iterable[Any]) -> str:
 
 def is_number(value: object, whole: bool = False) -> bool:
     """Whether a value is a number (a whole one), NumPy's included, and no truth value."""
-    kinds = (int, np.integer) if whole else (int, float, np.integer, np.floating)
-    return isinstance(value, kinds) and not isinstance(value, (bool, np.bool_))
+    kind = numbers.Integral if whole else numbers.Real  # NumPy's scalars are registered there
+    return isinstance(value, kind) and not _is_truth(value)
+
+
+def _is_truth(value: Any) -> bool:
+    """Whether a value is True or False, NumPy's included; without loading NumPy."""
+    is_numpy = getattr(value, "shape", None) == () and getattr(value.dtype, "kind", "") == "b"
+    return isinstance(value, bool) or is_numpy
 
 
 def _of(words: str) -> str:

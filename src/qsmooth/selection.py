@@ -38,15 +38,15 @@ def parse_threshold(text: str) -> tuple[str, str, float]:
     if match is None or match[1].replace("-", "_") not in METRICS:
         near = "" if match is None else did_you_mean(match[1], METRICS)
         raise OptionError(
-            "`selection` must be cells or a threshold such as 'max_angle > 150' on one of "
-            f"{', '.join(METRICS)}; got {text!r}{near}"
+            "`selection` takes cell ids such as 3,7,12 or a threshold such as 'max_angle > 150' on "
+            f"one of {', '.join(METRICS)}; got {text!r}{near}"
         )
     name, comparison, number = match.groups()
     try:
         return name.replace("-", "_"), comparison, float(number)
     except ValueError:
         raise OptionError(
-            "`selection` must be cells or a threshold such as 'max_angle > 150', and "
+            "`selection` takes a threshold such as 'max_angle > 150', and "
             f"{number!r} is no number"
         ) from None
 

@@ -90,9 +90,7 @@ def with_options(names: Sequence[str], options: Mapping[str, Any]) -> list[Metho
     return configured(names, options)
 
 
-def run_all(
-    mesh: Mesh, chosen: Sequence[Method]
-) -> tuple[list[SmoothResult], dict[str, str]]:
+def run_all(mesh: Mesh, chosen: Sequence[Method]) -> tuple[list[SmoothResult], dict[str, str]]:
     """Smooth with each method; also why methods were skipped, by name."""
     results, skipped = [], {}
     for method in chosen:

@@ -60,7 +60,10 @@ def _show_details(thing: type[Method]) -> None:
     for spec in _offered(thing):
         terminal.write("")
         values = "|".join(_choices(spec)) or spec.metavar
-        words = [range_words(spec), f"default: {default}" if (default := default_words(spec)) else ""]
+        words = [
+            range_words(spec),
+            f"default: {default}" if (default := default_words(spec)) else "",
+        ]
         terminal.write_title(
             "  "
             + " ".join(filter(None, [_flag(spec), values]))

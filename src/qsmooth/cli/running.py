@@ -24,7 +24,7 @@ def method_with(name: str, options: Mapping[str, Any]) -> tuple[Method, str]:
     Raises
     ------
     ValueError
-        If there is no such method, it does not have an option, or not that value of it.
+        If there is no such method, a value is out of range, or the method lacks an option.
     """
     from qsmooth.registry import choose, method_class, methods
 
@@ -33,13 +33,14 @@ def method_with(name: str, options: Mapping[str, Any]) -> tuple[Method, str]:
         name, why = choose(options)
         auto = f" (auto chose {name})"
     known = method_class(name)
-    for option in options:
+    for option, value in options.items():
         if option not in known.specs():
-            having = [other for other, thing in methods().items() if option in thing.specs()]
+            having = [thing for thing in methods().values() if option in thing.specs()]
+            having[0].specs()[option].checked(value)
             near = did_you_mean(option, known.specs(), spell)
             raise ValueError(
-                f"{known.owner} has no option {spell(option)}{auto}, which is of "
-                f"{in_a_row(having)}{near}"
+                f"{known.owner} has no option {spell(option)}{auto}, it is of "
+                f"{in_a_row([thing.name for thing in having])}{near}"
             )
     return known.of(dict(options)), why
 

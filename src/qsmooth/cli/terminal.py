@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 if TYPE_CHECKING:
-    from qsmooth.table import Table
     from qsmooth.result import SweepRecord
+    from qsmooth.table import Table
 
 PASSED, FAILED, ERROR, INTERRUPTED, BROKEN_PIPE = 0, 1, 2, 130, 141
 # Texts that are laid out, as opposed to lines, are broken here where the output is no terminal.

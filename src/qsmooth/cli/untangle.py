@@ -27,8 +27,8 @@ def untangle(
     Exit code 0 where every cell is valid, 1 where some stay invalid; OUT then has the best that was
     found. Smoothing with method optimize does this first, by itself.
     """
-    from qsmooth.output import tables
     from qsmooth.io import write_mesh
+    from qsmooth.output import tables
     from qsmooth.registry import all_methods
 
     files.refuse_unsafe(mesh_file, output, overwrite, json_file)

@@ -95,8 +95,8 @@ class SweepingMethod(Method):
     )
     split_quads: bool | Literal["shorter", "first", "second"] = option(
         False,
-        help="Cut each quad in two triangles along this diagonal (True: the shorter) and smooth "
-        "these; only they are guarded.",
+        help="Cut each quad in two triangles along this diagonal (in Python True: the shorter) and "
+        "smooth these; only they are guarded.",
     )
 
     def start(self, setting: Setting) -> Sweep:

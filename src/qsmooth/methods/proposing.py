@@ -67,8 +67,8 @@ class ProposingMethod(GuardedMethod):
             low, high = getattr(self, f"{prefix}min_angle"), getattr(self, f"{prefix}max_angle")
             if not low < high:
                 raise OptionError(
-                    f"`{prefix}max_angle` must be over `{prefix}min_angle`, which is {low:g} degrees, "
-                    f"got {high:g}"
+                    f"`{prefix}max_angle` must be over `{prefix}min_angle`, which is {low:g} "
+                    f"degrees, got {high:g}"
                 )
         if self.worst_first and self.worst_fraction == 1.0:
             raise OptionError("`worst_first` needs a `worst_fraction` below 1")
