@@ -11,8 +11,17 @@ import inspect
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from enum import Enum, StrEnum
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin, get_type_hints
+from enum import Enum
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    Literal,
+    cast,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import typer
 
@@ -133,10 +142,10 @@ class ShellOption:
 
     def parameter(self) -> inspect.Parameter:
         """Declare it for Typer."""
-        flags = self.flags
-        kind: Any = {"number": float, "integer": int, "flag": bool}.get(self.kind, str)
+        flags, enum = self.flags, cast("Any", Enum)  # no name is known when types are checked
+        annotation: Any = {"number": float, "integer": int, "flag": bool}.get(self.kind, str)
         if self.kind == "choice":
-            kind = StrEnum(self.name, {choice: choice for choice in self.choices})
+            annotation = enum(self.name, {choice: choice for choice in self.choices})
         elif self.kind == "flag":
             flags = [f"{flag}/--no-{flag.removeprefix('--')}" for flag in flags]
         info = typer.Option(
@@ -150,7 +159,7 @@ class ShellOption:
             self.name,
             inspect.Parameter.KEYWORD_ONLY,
             default=None,
-            annotation=Annotated[kind | None, info],
+            annotation=Annotated[annotation | None, info],
         )
 
     def value(self, given: Any) -> Any:
@@ -203,7 +212,7 @@ def with_options(command: Command, *, made: bool = True) -> Callable[..., None]:
             }
         function(**own)
 
-    del wrapper.__wrapped__  # type: ignore[attr-defined]  # it has another signature
+    del wrapper.__wrapped__  # it has another signature
     wrapper.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     wrapper.__annotations__ = {p.name: p.annotation for p in parameters}
     return wrapper
