@@ -7,7 +7,6 @@ line, its help and the checks are all made from its fields.
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import functools
 import math
 import numbers
@@ -17,6 +16,8 @@ import typing
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
+
+from qsmooth._words import did_you_mean
 
 _METADATA = "qsmooth"
 # An option in a text, with a value or without: "`bad_step`", "`split_quads='shorter'`".
@@ -246,12 +247,6 @@ class Options:
 def spelled(text: str, spell: Callable[[str], str] = str) -> str:
     """Write the options in a text, which stand in backticks, in another way: with `spell`."""
     return _NAMED.sub(lambda found: spell(found[1]), text)
-
-
-def did_you_mean(name: str, names: Iterable[str], spell: Callable[[str], str] = repr) -> str:
-    """Ask for the nearest of the names, as the end of a message; "" where none is near."""
-    near = difflib.get_close_matches(str(name), list(names), n=1, cutoff=0.6)
-    return f"; did you mean {spell(near[0])}?" if near else ""
 
 
 def one_of(values: Iterable[Any]) -> str:

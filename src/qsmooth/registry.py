@@ -8,8 +8,9 @@ import pkgutil
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from qsmooth._words import did_you_mean
 from qsmooth.methods.base import Method
-from qsmooth.options import OptionError, did_you_mean
+from qsmooth.options import OptionError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -6,6 +6,7 @@ import re
 import pytest
 
 from qsmooth.cli.options import default_words, range_words, spell
+from qsmooth.options import spelled
 from qsmooth.registry import methods
 
 pytestmark = pytest.mark.nojit
@@ -17,7 +18,7 @@ def test_every_method_says_what_it_is_for(call):
     words = re.sub(r"\s+", " ", out)
     for name, method in methods().items():
         assert re.search(rf"^{name}\b", out, re.MULTILINE)
-        assert method.purpose in words
+        assert spelled(method.purpose, spell) in words
     assert "optimize, the default" in out
     assert max(map(len, out.splitlines())) <= 100
 

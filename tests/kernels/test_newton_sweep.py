@@ -11,12 +11,12 @@ import reference
 import reference_optimizer as slow
 from meshes import KINDS, fan, grid, place, random_mesh, random_meshes
 from qsmooth import Mesh, Validity, quality
-from qsmooth.kernels import newton
+from qsmooth.kernels import lanes, newton_sweep
 from qsmooth.kernels._jit import use_threads
 from qsmooth.kernels.blocks import LANES, build_blocks
-from qsmooth.kernels.topology import NO_VERTEX
+from qsmooth.kernels.stars import NO_VERTEX
 
-# Weight of the mean, limit and squarings: the mean alone, walls of every power, both.
+# Weight of the mean, threshold and squarings: the mean alone, walls of every power, both.
 ENERGIES = [
     (1.0, math.inf, 1),
     (0.0, 1.0, 1),
@@ -28,23 +28,25 @@ ENERGIES = [
 ]
 
 
-def arguments(mesh):
-    schedule = mesh.topology.schedule(True)
-    colour_blocks, blocks, vertices, stars, _ = build_blocks(
-        schedule.colour_offsets, schedule.vertices, schedule.offsets, schedule.corners
-    )
-    return colour_blocks, blocks, vertices, stars, schedule.largest_star
+def wall(energy):
+    weight, threshold, squarings = energy
+    return newton_sweep.Wall(float(weight), float(threshold), squarings)
 
 
-def sweep(mesh, energy, *, xy=None, threads=1):
+def terms(energy):
+    weight, threshold, squarings = energy
+    return newton_sweep._Terms(float(weight), 1.0 / threshold, squarings, 2.0**squarings)
+
+
+def sweep(mesh, energy, *, xy=None, threads=1, colours=None):
     """Sweep once; returns new coordinates, the vertices in their order and their moves."""
-    args = arguments(mesh)
+    blocks = build_blocks(mesh.topology.schedule(True))
     xy = (mesh.xy if xy is None else xy).copy()
-    moves = np.full(args[2].size, np.nan)
-    weight, limit, squarings = energy
+    moves = np.full(blocks.vertices.size, np.nan)
     with use_threads(threads):
-        newton.newton_sweep(xy, *args, 1.7, float(weight), float(limit), squarings, moves)
-    return xy, args[2], moves
+        for some in colours or [(0, blocks.colour_blocks.size - 1)]:
+            newton_sweep.newton_sweep(xy, blocks, some, 1.7, wall(energy), moves)
+    return xy, blocks.vertices, moves
 
 
 def lane(mesh, v):
@@ -57,36 +59,34 @@ def lane(mesh, v):
     corners = np.concatenate([quads.ravel(), triangles.ravel()])
     star = np.zeros(2 * LANES * corners.size)
     star.reshape(corners.size, 2, LANES)[:, :, 0] = mesh.xy[corners]
-    s = np.zeros(newton.N_ROWS * LANES)
-    s[newton.X], s[newton.Y] = mesh.xy[v]
+    s = np.zeros(lanes.N_ROWS * LANES)
+    s[lanes.X], s[lanes.Y] = mesh.xy[v]
     return star, s, len(quads), len(triangles)
 
 
 def derivatives(mesh, v, energy):
     """Energy, gradient and Hessian of a vertex's star, by the kernel."""
     star, s, n_quads, n_triangles = lane(mesh, v)
-    weight, limit, squarings = energy
-    rest = 1, float(weight), 1.0 / limit, squarings, 2.0**squarings
     for k in range(n_quads):
-        newton._add_quad(star, s, k * newton.ROW6, *rest)
+        newton_sweep._add_quad(star, s, k * lanes.ROW6, 1, terms(energy))
     for k in range(n_triangles):
-        newton._add_triangle(star, s, n_quads * newton.ROW6 + k * newton.ROW4, *rest)
-    gradient = np.array([s[newton.GX], s[newton.GY]])
-    hessian = np.array([[s[newton.HXX], s[newton.HXY]], [s[newton.HXY], s[newton.HYY]]])
-    return s[newton.ENERGY], gradient, hessian
+        row = n_quads * lanes.ROW6 + k * lanes.ROW4
+        newton_sweep._add_triangle(star, s, row, 1, terms(energy))
+    gradient = np.array([s[lanes.GX], s[lanes.GY]])
+    hessian = np.array([[s[lanes.HXX], s[lanes.HXY]], [s[lanes.HXY], s[lanes.HYY]]])
+    return s[lanes.ENERGY], gradient, hessian
 
 
 def trial(mesh, v, z, energy):
     """Energy and margin with the vertex at z, by the kernel."""
     star, s, n_quads, n_triangles = lane(mesh, v)
-    s[newton.PX], s[newton.PY], s[newton.MARGIN] = *z, math.inf
-    weight, limit, squarings = energy
-    rest = 1, float(weight), 1.0 / limit, squarings
+    s[lanes.PX], s[lanes.PY], s[lanes.MARGIN] = *z, math.inf
     for k in range(n_quads):
-        newton._try_quad(star, s, k * newton.ROW6, *rest)
+        newton_sweep._try_quad(star, s, k * lanes.ROW6, 1, terms(energy))
     for k in range(n_triangles):
-        newton._try_triangle(star, s, n_quads * newton.ROW6 + k * newton.ROW4, *rest)
-    return s[newton.TRIAL], s[newton.MARGIN]
+        row = n_quads * lanes.ROW6 + k * lanes.ROW4
+        newton_sweep._try_triangle(star, s, row, 1, terms(energy))
+    return s[lanes.TRIAL], s[lanes.MARGIN]
 
 
 def star_energy(mesh, v, z, energy, *, bound=False):
@@ -293,6 +293,18 @@ def test_two_threads_give_the_bits_of_one(made, energy):
     assert moves.tobytes() == moves_of_two.tobytes()
 
 
+@pytest.mark.nojit
+def test_colours_one_by_one_are_the_whole_sweep_to_the_bit():
+    mesh = random_mesh("mixed", 4, seed=7, amount=0.6).mesh
+    n_colours = mesh.topology.schedule(True).colour_offsets.size - 1
+    energy = (1.0, 1.5, 2)
+    one, many = (
+        sweep(mesh, energy, colours=some) for some in (None, [(k, k + 1) for k in range(n_colours)])
+    )
+    for left, right in zip(one, many, strict=True):
+        assert left.tobytes() == right.tobytes()
+
+
 @given(st.integers(0, 2**32 - 1), st.sampled_from(ENERGIES), st.integers(-40, 40))
 def test_scaling_by_a_power_of_two_scales_the_bits(seed, energy, power):
     made = random_mesh("mixed", 4, seed=seed, amount=0.7)
@@ -338,7 +350,7 @@ def cell_energy(mesh, movable):
     worst, total = np.full((2, mesh.n_cells), np.nan)
     mask = np.zeros(mesh.n_vertices, np.bool_)
     mask[movable] = True
-    newton.cell_energy(mesh.xy, mesh.cell_offsets, mesh.cell_vertices, mask, worst, total)
+    newton_sweep.cell_energy(mesh.xy, mesh.cell_offsets, mesh.cell_vertices, mask, worst, total)
     return worst, total
 
 

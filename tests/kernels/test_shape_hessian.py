@@ -11,12 +11,12 @@ import reference
 import reference_optimizer as slow
 from meshes import KINDS, grid, random_mesh, random_meshes
 from qsmooth import Mesh
-from qsmooth.kernels import hessian
+from qsmooth.kernels import shape_hessian
 
 
 def corner(u, w):
     gradient, matrix = np.full(4, np.nan), np.full((4, 4), np.nan)
-    hessian.corner_derivatives(*u, *w, gradient, matrix)
+    shape_hessian.corner_derivatives(*u, *w, gradient, matrix)
     return gradient, matrix
 
 
@@ -28,11 +28,11 @@ def assembled(mesh, vertices=None):
     unknown = np.full(mesh.n_vertices, -1, np.int64)
     unknown[vertices] = np.arange(n)
     cells = mesh.cell_offsets, mesh.cell_vertices
-    offsets, columns = hessian.block_pattern(
+    offsets, columns = shape_hessian.block_pattern(
         unknown, n, *cells, mesh.star_offsets, mesh.star_cells, vertices
     )
     gradient, values = np.full((n, 2), np.nan), np.full((columns.size, 2, 2), np.nan)
-    hessian.assemble(mesh.xy, *cells, unknown, offsets, columns, gradient, values)
+    shape_hessian.assemble(mesh.xy, *cells, unknown, offsets, columns, gradient, values)
     dense = np.zeros((2 * n, 2 * n))
     for r in range(n):
         for k in range(offsets[r], offsets[r + 1]):

@@ -11,10 +11,11 @@ import reference
 import reference_optimizer as slow
 from meshes import KINDS, grid, place, random_mesh, tangle
 from qsmooth import Mesh, Validity, quality
-from qsmooth.kernels import newton, untangle
+from qsmooth.kernels import lanes, untangle_sweep
 from qsmooth.kernels._jit import use_threads
 from qsmooth.kernels.blocks import LANES, build_blocks
-from qsmooth.kernels.topology import NO_VERTEX
+from qsmooth.kernels.corner_energy import Linear
+from qsmooth.kernels.stars import NO_VERTEX
 
 EPSILONS = [1e-3, 0.05, 0.5, 2.0]
 
@@ -27,18 +28,13 @@ def tangled(kind="quads", size=4, seed=0, amount=1.0):
 
 def sweep(mesh, sizes, epsilon, *, xy=None, threads=1):
     """Sweep once; returns new coordinates, the vertices in their order and their moves."""
-    s = mesh.topology.schedule(True)
-    colour_blocks, blocks, vertices, stars, _ = build_blocks(
-        s.colour_offsets, s.vertices, s.offsets, s.corners
-    )
+    blocks = build_blocks(mesh.topology.schedule(True))
+    colours = 0, blocks.colour_blocks.size - 1
     xy = (mesh.xy if xy is None else xy).copy()
-    moves = np.full(vertices.size, np.nan)
+    moves = np.full(blocks.vertices.size, np.nan)
     with use_threads(threads):
-        untangle.untangle_sweep(
-            xy, colour_blocks, blocks, vertices, stars, s.largest_star, 1.7, sizes, float(epsilon),
-            moves,
-        )  # fmt: skip
-    return xy, vertices, moves
+        untangle_sweep.untangle_sweep(xy, blocks, colours, 1.7, sizes, float(epsilon), moves)
+    return xy, blocks.vertices, moves
 
 
 def derivatives(mesh, v, soft):
@@ -51,19 +47,19 @@ def derivatives(mesh, v, soft):
     corners = np.concatenate([quads.ravel(), triangles.ravel()])
     star = np.zeros(2 * LANES * corners.size)
     star.reshape(corners.size, 2, LANES)[:, :, 0] = mesh.xy[corners]
-    s = np.zeros(untangle.N_ROWS * LANES)
-    s[newton.X], s[newton.Y] = s[newton.PX], s[newton.PY] = mesh.xy[v]
-    s[untangle.SOFT] = soft
+    s = np.zeros(lanes.N_ROWS * LANES)
+    s[lanes.X], s[lanes.Y] = s[lanes.PX], s[lanes.PY] = mesh.xy[v]
+    s[untangle_sweep.SOFT] = soft
     for k in range(len(quads)):
-        untangle._add_quad(star, s, k * newton.ROW6, 1)
-        untangle._try_quad(star, s, k * newton.ROW6, 1)
+        untangle_sweep._add_quad(star, s, k * lanes.ROW6, 1)
+        untangle_sweep._try_quad(star, s, k * lanes.ROW6, 1)
     for k in range(len(triangles)):
-        row = len(quads) * newton.ROW6 + k * newton.ROW4
-        untangle._add_triangle(star, s, row, 1)
-        untangle._try_triangle(star, s, row, 1)
-    gradient = np.array([s[newton.GX], s[newton.GY]])
-    hessian = np.array([[s[newton.HXX], s[newton.HXY]], [s[newton.HXY], s[newton.HYY]]])
-    return s[newton.ENERGY], gradient, hessian, s[newton.TRIAL]
+        row = len(quads) * lanes.ROW6 + k * lanes.ROW4
+        untangle_sweep._add_triangle(star, s, row, 1)
+        untangle_sweep._try_triangle(star, s, row, 1)
+    gradient = np.array([s[lanes.GX], s[lanes.GY]])
+    hessian = np.array([[s[lanes.HXX], s[lanes.HXY]], [s[lanes.HXY], s[lanes.HYY]]])
+    return s[lanes.ENERGY], gradient, hessian, s[lanes.TRIAL]
 
 
 def soft_energy(mesh, v, z, soft, *, linear=False):
@@ -111,8 +107,9 @@ def test_the_hessian_is_never_indefinite_however_tangled(soft):
 @pytest.mark.parametrize("soft", [1e-12, 1e-3, 1.0])
 @pytest.mark.parametrize("det", [-1e9, -1.0, -1e-9, 0.0, 1e-9, 1.0, 1e9])
 def test_the_stand_in_is_positive_increasing_and_near_a_large_determinant(det, soft):
-    value, slope = untangle._regularised(det, soft)
+    value, slope, across = untangle_sweep._regularised(Linear(det, 1.0, -2.0), soft)
     assert value > 0.0
+    assert across == -2.0 * slope
     assert 0.0 < slope <= 1.0
     # χ solves χ² − det χ = soft² / 4; each side for its own sign, as else they cancel.
     assert value * (value - det) == pytest.approx(0.25 * soft * soft, rel=1e-6, abs=1e-6 * det**2)
@@ -226,7 +223,7 @@ def test_smallest_determinant_is_each_cells_over_the_local_size():
     mesh = tangled("mixed", 3, seed=4)
     sizes = np.linspace(0.5, 2.0, mesh.n_vertices)
     out = np.full(mesh.n_cells, np.nan)
-    untangle.smallest_determinant(mesh.xy, mesh.cell_offsets, mesh.cell_vertices, sizes, out)
+    untangle_sweep.smallest_determinant(mesh.xy, mesh.cell_offsets, mesh.cell_vertices, sizes, out)
     points = reference.as_complex(mesh.xy)
     expected = [
         min(
@@ -246,11 +243,11 @@ def test_mean_squared_edge_and_its_spread_by_hand():
     mesh = Mesh([*points * (1.0, 2.0), (9.0, 9.0)], cells)
     rings = mesh.ring_offsets, mesh.ring_vertices
     sizes = np.full(7, np.nan)
-    untangle.mean_squared_edge(mesh.xy, *rings, sizes)
+    untangle_sweep.mean_squared_edge(mesh.xy, *rings, sizes)
     assert sizes == pytest.approx([2.5, 2.0, 2.5, 2.5, 2.0, 2.5, 0.0])
     spread = np.full(7, np.nan)
     values = np.array([1.0, 4.0, 2.0, -math.inf, 6.0, 0.0, -math.inf])
-    untangle.spread_logarithms(*rings, values, spread)
+    untangle_sweep.spread_logarithms(*rings, values, spread)
     # Vertex 0 has neighbours 1 and 3, of which 3 does not count; 3 counts 0 and 4.
     assert spread == pytest.approx([2.5, 13 / 4, 2.0, 3.5, 10 / 3, 8 / 3, -math.inf])
 
@@ -262,14 +259,14 @@ def test_shortest_edges_of_listed_vertices():
     mesh = Mesh(points, cells)
     out = np.full(3, np.nan)
     listed = np.array([4, 0, 5], np.uint32)
-    untangle.shortest_edges(mesh.xy, mesh.ring_offsets, mesh.ring_vertices, listed, out)
+    untangle_sweep.shortest_edges(mesh.xy, mesh.ring_offsets, mesh.ring_vertices, listed, out)
     assert out.tolist() == [0.75, 1.0, 0.75]
 
 
 def hopeless(mesh, movable):
     out, mask = np.ones(mesh.n_cells, np.bool_), np.zeros(mesh.n_vertices, np.bool_)
     mask[movable] = True
-    untangle.hopeless_cells(mesh.xy, mesh.cell_offsets, mesh.cell_vertices, mask, out)
+    untangle_sweep.hopeless_cells(mesh.xy, mesh.cell_offsets, mesh.cell_vertices, mask, out)
     return out.tolist()
 
 

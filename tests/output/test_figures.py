@@ -3,12 +3,16 @@ import sys
 import numpy as np
 import pytest
 
+from meshes import random_mesh
 from qsmooth import Mesh, quality, smooth
 from qsmooth.examples import spiral
+from qsmooth.metrics import METRICS
 from qsmooth.output import drawing, figures
+from qsmooth.output.drawing import UNDEFINED_COLOUR
 from qsmooth.output.figures import VIEWS, plot_comparison, plot_histograms, plot_mesh, save_figures
 
 pytest.importorskip("matplotlib")
+from matplotlib.colors import to_rgba
 
 pytestmark = pytest.mark.nojit
 
@@ -55,6 +59,44 @@ def test_mesh_with_worst_cells_outlined(mesh):
     assert np.array_equal(drawn, mesh.xy[mesh.cells[0][worst]])
     assert "Outlined: the 7 worst cells" in texts(figure)
     assert "Cells by scaled Jacobian" in texts(figure)
+
+
+@pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS.keys())
+def test_every_metric_is_drawn(metric):
+    mixed = random_mesh("mixed", 4, seed=2, amount=0.8).mesh
+    figure = plot_mesh(mixed, metric=metric.name, worst=3)
+    words = texts(figure)
+    assert f"Cells by {metric.words}" in words
+    assert ("more is better" if metric.higher_is_better else "less is better") in words
+    values = quality(mixed)[metric.name]
+    assert metric.text(metric.worst_of(values)) in words
+    grey = to_rgba(UNDEFINED_COLOUR)
+    # Triangles are drawn first, then quads.
+    order = np.argsort(mixed.topology.cell_sizes, kind="stable")
+    faces = np.concatenate([c.get_facecolor() for c in polygons(figure.axes[0])[:2]])
+    assert ((faces == grey).all(axis=1) == np.isnan(values[order])).all()
+    assert ("Grey: not defined" in words) == np.isnan(values).any()
+
+
+@pytest.mark.parametrize("metric", [m for m in METRICS.values() if m.bins], ids=lambda m: m.name)
+def test_every_metric_with_bins_has_a_histogram(metric):
+    mixed = random_mesh("mixed", 4, seed=2, amount=0.8).mesh
+    figure = plot_histograms(mixed, metrics=metric.name)
+    (axes,) = figure.axes
+    assert metric.title in axes.get_xlabel()
+    assert sum(bar.get_height() for bar in axes.patches) == pytest.approx(100.0)
+
+
+def test_metrics_without_bins_have_no_histogram(mesh):
+    with pytest.raises(ValueError, match="none of the metrics has a histogram"):
+        plot_histograms(mesh, metrics=["shape"])
+
+
+@pytest.mark.parametrize("corners", [[(1, 1)] * 4, [(0, 0), (1, 0), (1, 1), (0, 1)]])
+def test_a_scale_from_the_mesh_when_all_cells_are_alike(corners):
+    figure = plot_mesh((corners, [[0, 1, 2, 3]]), metric="min_edge")
+    low, high = figure.axes[1].get_ylim()
+    assert low < quality((corners, [[0, 1, 2, 3]])).min_edge[0] < high
 
 
 def test_a_small_mesh_is_not_all_outlined():

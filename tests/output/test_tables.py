@@ -146,6 +146,37 @@ def test_worst_cells_with_places():
     assert all(row.cells[-1] == "valid" for row in table.sections[0].rows)
 
 
+def test_worst_cells_with_the_metrics_asked_for():
+    table = worst_table(quality(MIXED), 5, "taper", "min_edge")
+    assert table.columns == ("Centre x", "Centre y", "Shortest edge", "Taper", "State")
+    assert [row.label for row in table.sections[0].rows] == ["0"]  # a triangle has no taper
+    assert "The 1 worst cell by taper" in str(table)
+
+
+def test_tables_show_the_metrics_asked_for():
+    metrics = "min_edge, non_orthogonality, oddy"
+    before = quality(MIXED).summary(metrics)
+    text = str(before)
+    assert re.search(r"Shortest edge +1\n", text)
+    assert re.search(r"Largest Oddy distortion +0\.0000", text)
+    assert "Non-orthogonality: angle between" in text
+    assert "aspect ratio" not in text
+    after = quality(COLLAPSED).summary(metrics)
+    change = str(change_table(before, after))
+    assert re.search(r"Largest Oddy distortion +0\.0000 +infinite +worse", change)
+    assert re.search(r"Largest non-orthogonality +\S+° +none", change)
+
+
+@pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS.keys())
+def test_every_metric_is_in_tables_that_ask_for_it(metric):
+    measured = quality(MIXED)
+    text = str(measured.summary([metric.name]))
+    assert metric.worst_words in text
+    assert metric.mean_words in text
+    assert ("Cells by" in text) == bool(metric.bins)
+    assert metric.title in worst_table(measured, 1, metric.name).columns
+
+
 def test_bars():
     assert bar(0.0, 4) == "    "
     assert bar(1.0, 4) == "████"

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from qsmooth._words import did_you_mean
 from qsmooth.cli import files, running, terminal
 from qsmooth.cli.options import METHOD, named, spell
-from qsmooth.options import did_you_mean, spelled
+from qsmooth.options import spelled
 
 if TYPE_CHECKING:
     from qsmooth.mesh import Mesh

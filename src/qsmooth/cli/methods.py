@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from qsmooth._words import did_you_mean
 from qsmooth.cli import files, terminal
 from qsmooth.cli.options import default_words, range_words, shell_name, spell
-from qsmooth.options import Spec, did_you_mean, spelled
+from qsmooth.options import Spec, spelled
 
 if TYPE_CHECKING:
     from qsmooth.methods.base import Method
@@ -44,7 +45,7 @@ def methods(
     for thing in chosen:
         usual = ", the default" if thing.name == registry.choose({})[0] else ""
         terminal.write_title(f"{thing.name}{usual}")
-        terminal.write_paragraph(thing.purpose, indent=2)
+        terminal.write_paragraph(spelled(thing.purpose, spell), indent=2)
         if names:
             _show_details(thing)
         terminal.write("")
@@ -55,8 +56,11 @@ def methods(
 def _show_details(thing: type[Method]) -> None:
     for paragraph in inspect.cleandoc(thing.__doc__ or "").split("\n\n"):
         terminal.write("")
-        lines = [line for line in paragraph.splitlines() if set(line) != {"-"}]
-        terminal.write_paragraph(spelled(" ".join(lines).replace("``", ""), str), indent=2)
+        lines = paragraph.splitlines()
+        if len(lines) > 1 and set(lines[1]) == {"-"}:  # the head of a section
+            terminal.write_title(f"  {lines[0]}")
+            lines = lines[2:]
+        terminal.write_paragraph(" ".join(lines).replace("`", ""), indent=2)
     for spec in _offered(thing):
         terminal.write("")
         values = "|".join(_choices(spec)) or spec.metavar
@@ -76,7 +80,7 @@ def _facts(thing: type[Method]) -> dict[str, Any]:
     return {
         "name": thing.name,
         "title": thing.title,
-        "purpose": thing.purpose,
+        "purpose": spelled(thing.purpose, spell),
         "guarded": thing.guarded,
         "untangles": thing.untangles,
         "options": [

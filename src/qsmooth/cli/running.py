@@ -6,10 +6,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from qsmooth._words import plural
+from qsmooth._words import did_you_mean, plural
 from qsmooth.cli.options import in_a_row, spell
 from qsmooth.cli.terminal import progress, write_line
-from qsmooth.options import did_you_mean
 
 if TYPE_CHECKING:
     from qsmooth.mesh import Mesh

@@ -3,8 +3,9 @@
 All are written from the formulas in C. J. Stimpson, C. D. Ernst, P. Knupp, P. P. Pébay and
 D. Thompson, "The Verdict geometric quality library", Sandia report SAND2007-1751 (2007). On valid
 cells they agree with verdict. What is broken gets the worst value that a metric has, where verdict
-may call it perfect: it measures areas without their sign. A NaN means that the metric is not
-defined for cells of this many corners; a coordinate that is NaN gives the worst value.
+may call it perfect or better: it measures areas without their sign, and a crossed quad has short
+diagonals. A NaN means that the metric is not defined for cells of this many corners; a coordinate
+that is NaN gives the worst value.
 """
 
 import math
@@ -29,6 +30,20 @@ def _cell_area(xy: FloatArray, cell_vertices: IndexArray, first: int, last: int)
         b, d = cell_vertices[k], cell_vertices[k + 1]
         total += corner_jacobian(xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1], xy[d, 0], xy[d, 1])
     return 0.5 * total
+
+
+@helper()
+def _is_convex(xy: FloatArray, cell_vertices: IndexArray, first: int, last: int) -> bool:
+    """Whether every corner of one cell is positive."""
+    convex = True
+    d = cell_vertices[last - 1]
+    for k in range(first, last):
+        a = cell_vertices[k]
+        b = cell_vertices[k + 1] if k + 1 < last else cell_vertices[first]
+        jacobian = corner_jacobian(xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1], xy[d, 0], xy[d, 1])
+        convex = convex and jacobian > 0.0
+        d = a
+    return convex
 
 
 @helper()
@@ -143,7 +158,7 @@ def skew(
     xy, cell_offsets, cell_vertices
         As in `verdict_aspect_ratio`.
     out : (n_cells,)
-        Overwritten. From 0, a rectangle, to 1; 1 where the area is not positive, NaN in triangles.
+        Overwritten. From 0, a rectangle, to 1; 1 where a corner is not positive, NaN in triangles.
 
     Notes
     -----
@@ -155,11 +170,11 @@ def skew(
         if last - first != 4:
             out[c] = np.nan
             continue
-        area = _cell_area(xy, cell_vertices, first, last)
+        convex = _is_convex(xy, cell_vertices, first, last)
         ux, uy, wx, wy, _, _ = _principal_axes(xy, cell_vertices, first)
         # Each by itself, as the product of the squares would overflow or underflow sooner.
         lengths = math.sqrt(ux * ux + uy * uy) * math.sqrt(wx * wx + wy * wy)
-        out[c] = min(1.0, abs(ux * wx + uy * wy) / lengths) if area > 0.0 else 1.0
+        out[c] = min(1.0, abs(ux * wx + uy * wy) / lengths) if convex else 1.0
 
 
 @parallel_kernel()
@@ -173,8 +188,8 @@ def taper(
     xy, cell_offsets, cell_vertices
         As in `verdict_aspect_ratio`.
     out : (n_cells,)
-        Overwritten. 0, a parallelogram, or more; infinite where the area is not positive or an
-        axis has no length, NaN in triangles.
+        Overwritten. 0, a parallelogram, or more; infinite where a corner is not positive, NaN in
+        triangles.
 
     Notes
     -----
@@ -185,11 +200,11 @@ def taper(
         if last - first != 4:
             out[c] = np.nan
             continue
-        area = _cell_area(xy, cell_vertices, first, last)
+        convex = _is_convex(xy, cell_vertices, first, last)
         ux, uy, wx, wy, x, y = _principal_axes(xy, cell_vertices, first)
         shorter = min(math.sqrt(ux * ux + uy * uy), math.sqrt(wx * wx + wy * wy))
         cross = math.sqrt(x * x + y * y)
-        out[c] = cross / shorter if area > 0.0 and shorter > 0.0 else np.inf
+        out[c] = cross / shorter if convex else np.inf
 
 
 @parallel_kernel()
@@ -203,8 +218,7 @@ def stretch(
     xy, cell_offsets, cell_vertices
         As in `verdict_aspect_ratio`.
     out : (n_cells,)
-        Overwritten. From 0 to 1; 0 where the area is not positive or an edge has no length, NaN in
-        triangles.
+        Overwritten. From 0 to 1; 0 where a corner is not positive, NaN in triangles.
 
     Notes
     -----
@@ -215,7 +229,7 @@ def stretch(
         if last - first != 4:
             out[c] = np.nan
             continue
-        area = _cell_area(xy, cell_vertices, first, last)
+        convex = _is_convex(xy, cell_vertices, first, last)
         shortest, _, _ = _edge_sums(xy, cell_vertices, first, last)
         a, b = cell_vertices[first], cell_vertices[first + 1]
         d, e = cell_vertices[first + 2], cell_vertices[first + 3]
@@ -223,7 +237,7 @@ def stretch(
             distance(xy[a, 0], xy[a, 1], xy[d, 0], xy[d, 1]),
             distance(xy[b, 0], xy[b, 1], xy[e, 0], xy[e, 1]),
         )
-        out[c] = ROOT_2 * shortest / diagonal if area > 0.0 else 0.0
+        out[c] = ROOT_2 * shortest / diagonal if convex else 0.0
 
 
 @parallel_kernel()

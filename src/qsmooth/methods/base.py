@@ -27,7 +27,7 @@ class Method(Options):
     name, title
         As in ``smooth(mesh, "star")``, and as the head of a column.
     purpose
-        What it is for and when to take it, in a sentence.
+        What it is for and when to take it, in a sentence; options in it stand in backticks.
     guarded
         Whether it keeps valid cells valid; some have an option that says otherwise, see `guards`.
     untangles

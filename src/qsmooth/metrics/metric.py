@@ -88,6 +88,9 @@ class Metric:
         How a figure is written, as by `format`.
     evident
         Whether its words say it all, and tables need no definition.
+    blind
+        Whether it may call a cell ideal that has no positive area, as one does that is made of
+        lengths alone, or that takes angles as they come.
     """
 
     name: str
@@ -109,6 +112,7 @@ class Metric:
     short: bool = False
     number: str = ".4f"
     evident: bool = False
+    blind: bool = False
 
     @property
     def partial(self) -> bool:

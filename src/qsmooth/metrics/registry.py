@@ -131,8 +131,11 @@ def relative_size_squared(cells: Cells) -> FloatArray:
     """Compare each cell's area to the mean of those with as many corners."""
     from qsmooth.kernels import verdict_metrics
 
-    sizes, areas = cells.topology.cell_sizes, np.abs(cells.area)
-    mean = {n: float(areas[sizes == n].mean()) if (sizes == n).any() else 0.0 for n in (3, 4)}
+    areas = np.abs(cells.area)
+    mean = {}
+    for n in (3, 4):
+        counted = (cells.topology.cell_sizes == n) & np.isfinite(areas)
+        mean[n] = float(areas[counted].mean()) if counted.any() else 0.0
     out = np.empty(cells.topology.n_cells)
     verdict_metrics.relative_size_squared(
         cells.area, cells.topology.cell_offsets, mean[3], mean[4], out
@@ -158,6 +161,7 @@ register(
         worst_colour=0.0,
         short=True,
         number=".2f",
+        blind=True,
     )
 )
 register(
@@ -176,6 +180,7 @@ register(
         worst_colour=180.0,
         short=True,
         number=".2f",
+        blind=True,
     )
 )
 register(
@@ -191,6 +196,7 @@ register(
         mean="finite",
         short=True,
         number=".2f",
+        blind=True,
     )
 )
 register(
@@ -253,6 +259,7 @@ register(
         worst_colour=10.0,
         mean="finite",
         number=".2f",
+        blind=True,
     )
 )
 register(
@@ -410,6 +417,7 @@ register(
         unit="length",
         worst_colour=None,
         number=".4g",
+        blind=True,
     )
 )
 register(

@@ -103,6 +103,8 @@ def plot_mesh(
     caption = f"{size_of(shown)}. {extremes(measured, shown_metric)}."
     if len(ranked.cells):
         caption += f" Outlined: the {plural(len(ranked.cells), 'worst cell')}."
+    if np.isnan(measured[metric]).any():
+        caption += " Grey: not defined for these cells."
     add_caption(figure, caption)
     return saved(figure, path)
 
