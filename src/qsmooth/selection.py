@@ -46,8 +46,7 @@ def parse_threshold(text: str) -> tuple[str, str, float]:
         return name.replace("-", "_"), comparison, float(number)
     except ValueError:
         raise OptionError(
-            "`selection` takes a threshold such as 'max_angle > 150', and "
-            f"{number!r} is no number"
+            f"`selection` takes a threshold such as 'max_angle > 150', and {number!r} is no number"
         ) from None
 
 

@@ -131,12 +131,7 @@ def configured(names: Iterable[str | Method], options: Mapping[str, Any]) -> lis
             raise TypeError(f"no option {option!r} in any of the methods {known}")
         for taking in [known for known in having if known.takes(option, value)] or having:
             own[taking.name][option] = value
-    return [
-        thing.of(own[thing.name])
-        if isinstance(thing, type)
-        else thing
-        for thing in given
-    ]
+    return [thing.of(own[thing.name]) if isinstance(thing, type) else thing for thing in given]
 
 
 def _chosen(method: str | Method, options: dict[str, Any]) -> tuple[Method, str]:

@@ -76,7 +76,5 @@ def show_outcome(result: SmoothResult) -> None:
 
 def show_limits(limits: Limits) -> None:
     """Say how near to their bounds the angles are, in lines of their own."""
-    from qsmooth.wording import limits_lines
-
-    for line in limits_lines(limits):
+    for line in str(limits).splitlines():
         write_line(f"  {line[0].upper()}{line[1:]}.")
