@@ -8,7 +8,7 @@ import pytest
 import reference
 import reference_triangles
 from meshes import random_mesh
-from qsmooth import Mesh, quality, smooth, smooth_aspect_ratio
+from qsmooth import Mesh, quality, smooth
 from qsmooth.kernels.aspect_ratio import along_circumcircle
 
 DIAMOND = [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 1)]
