@@ -58,9 +58,7 @@ def unknown(name: str, option: str = "metric") -> str:
     )
 
 
-def parse_metrics(
-    names: str | Sequence[str] | None, option: str = "metrics"
-) -> tuple[str, ...]:
+def parse_metrics(names: str | Sequence[str] | None, option: str = "metrics") -> tuple[str, ...]:
     """Take a choice of metrics apart, as ``"min_angle, taper"`` or a sequence of names.
 
     ``"all"`` is every metric, None the short table. Each is kept once, where it comes first;
