@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from qsmooth._words import did_you_mean
 from qsmooth.methods.base import Method
+from qsmooth.options import OptionError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -41,15 +42,15 @@ def method_class(name: str) -> type[Method]:
 
     Raises
     ------
-    ValueError
+    OptionError
         If there is none; it says what was meant, where that can be told.
     """
     known = methods()
     if isinstance(name, str) and name in known:
         return known[name]
     names = ["auto", *known]
-    raise ValueError(
-        f"method must be one of {', '.join(names)}; got {name!r}{did_you_mean(name, names)}"
+    raise OptionError(
+        f"`method` must be one of {', '.join(names)}; got {name!r}{did_you_mean(name, names)}"
     )
 
 

@@ -59,11 +59,11 @@ def unknown(name: str, option: str = "metric") -> str:
     )
 
 
-def parse_metrics(names: str | Sequence[str] | None) -> tuple[str, ...]:
+def parse_metrics(names: str | Sequence[str] | None, option: str = "metrics") -> tuple[str, ...]:
     """Take a choice of metrics apart, as ``"min_angle, taper"`` or a sequence of names.
 
     ``"all"`` is every metric, None the short table. Each is kept once, where it comes first;
-    ``min-angle`` is ``min_angle``.
+    ``min-angle`` is ``min_angle``. Messages call it `option`.
 
     Raises
     ------
@@ -77,8 +77,8 @@ def parse_metrics(names: str | Sequence[str] | None) -> tuple[str, ...]:
     if wanted == ["all"]:
         return tuple(METRICS)
     if not any(wanted):
-        raise ValueError(f"metrics must name at least one of {', '.join(METRICS)}")
-    return tuple(dict.fromkeys(find_metric(name, "metrics").name for name in wanted if name))
+        raise ValueError(f"{option} must name at least one of {', '.join(METRICS)}")
+    return tuple(dict.fromkeys(find_metric(name, option).name for name in wanted if name))
 
 
 # ------------------------------------------------------------------------------- how to measure
