@@ -154,7 +154,7 @@ def test_options_are_keywords_and_a_pair_is_a_mesh(method):
     for result in results:
         assert result.method == method
         assert np.array_equal(result.points, results[0].points)
-    with pytest.raises(TypeError, match=r"expected a Mesh or a pair \(points, cells\), got str"):
+    with pytest.raises(TypeError, match=r"expected a Mesh, .* got str"):
         METHODS[method]("mesh.off")
 
 
