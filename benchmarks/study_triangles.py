@@ -20,6 +20,7 @@ import qsmooth
 from qsmooth import Mesh, examples
 from qsmooth.kernels.aspect_ratio import aspect_ratio_sweep, star_edge_ratio
 from qsmooth.kernels.quad import guarded_commit
+from qsmooth.kernels.stars import Moves, Stars, centre_of
 from qsmooth.smoothing import GOOD_SCALED_JACOBIAN, RATIO_POWER
 
 SIZES = (12, 40, 1000)
@@ -49,37 +50,34 @@ def by_reading(
     """
     schedule = mesh._topology.schedule(True)
     vertices, offsets, corners = schedule.vertices, schedule.offsets, schedule.corners
+    colours = 0, schedule.colour_offsets.size - 1
+    # Every vertex a colour of its own: they can be moved one by one.
+    alone = schedule._replace(colour_offsets=np.arange(vertices.size + 1))
     tolerated = threshold if rule else math.inf
     good = max(GOOD_SCALED_JACOBIAN, float(qsmooth.quality(mesh).scaled_jacobian.min()))
     xy = mesh.xy.copy()
-    moves, shares = np.zeros(vertices.size), np.zeros(vertices.size)
+    moves = Moves(np.zeros(vertices.size), np.zeros(vertices.size))
 
-    def sweep(at: FloatArray, colours: npt.NDArray[np.int64]) -> None:
-        aspect_ratio_sweep(
-            at, colours, vertices, offsets, corners, threshold, step, power, tolerated, good,
-            schedule.largest_star, moves, shares,
-        )  # fmt: skip
+    def sweep(at: FloatArray, stars: Stars, some: tuple[int, int]) -> None:
+        aspect_ratio_sweep(at, stars, some, threshold, step, power, tolerated, good, moves)
 
     for _ in range(SWEEPS):
         if order == "colours":
-            sweep(xy, schedule.colour_offsets)
+            sweep(xy, schedule, colours)
         elif order == "at once":
             wanted = np.empty((vertices.size, 2))
             for i, v in enumerate(vertices):
-                alone = xy.copy()
-                sweep(alone, np.array([i, i + 1]))
-                wanted[i] = alone[v] - xy[v]
-            guarded_commit(
-                xy, schedule.colour_offsets, vertices, offsets, corners, wanted, good,
-                schedule.largest_star, moves, shares,
-            )  # fmt: skip
+                trial = xy.copy()
+                sweep(trial, alone, (i, i + 1))
+                wanted[i] = trial[v] - xy[v]
+            guarded_commit(xy, schedule, colours, wanted, good, moves)
         else:
             ratios = [
-                star_edge_ratio(xy, corners, offsets[i], offsets[i + 1], xy[v, 0], xy[v, 1])
+                star_edge_ratio(xy, corners, centre_of(vertices, offsets, i), xy[v, 0], xy[v, 1])
                 for i, v in enumerate(vertices)
             ]
             for i in np.argsort(ratios)[::-1]:
-                sweep(xy, np.array([i, i + 1]))
+                sweep(xy, alone, (int(i), int(i) + 1))
     return largest_ratio(mesh.with_points(xy))
 
 

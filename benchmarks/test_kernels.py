@@ -7,9 +7,10 @@ import pytest
 
 from meshes import rough_grid
 from qsmooth import Mesh
-from qsmooth.kernels import cell_metrics, laplacian, quad, star, topology
+from qsmooth.kernels import cell_metrics, colouring, laplacian, quad, star, topology
 from qsmooth.kernels._jit import use_threads
-from qsmooth.kernels.moves import thresholds
+from qsmooth.kernels.proposals import thresholds
+from qsmooth.kernels.stars import Moves, Rings
 
 THREADS = [1, 2]
 
@@ -39,68 +40,56 @@ def test_angles(benchmark, mesh, note, threads):
 
 
 def sweep_arguments(mesh):
-    schedule = mesh._topology.schedule(True)
-    n = schedule.vertices.size
-    return schedule, mesh.xy.copy(), np.empty(n), np.empty(n), np.ones(mesh.n_cells, np.bool_)
+    """Coordinates, stars, all colours and what a sweep overwrites."""
+    stars = mesh._topology.schedule(True)
+    moves = Moves(*np.empty((2, stars.vertices.size)))
+    return mesh.xy.copy(), stars, (0, stars.colour_offsets.size - 1), moves
 
 
-LIMIT = thresholds(120.0, 60.0, 90.0, 45.0)
+ANGLES = thresholds(120.0, 60.0, 90.0, 45.0)
 
 
 @pytest.mark.parametrize("threads", THREADS)
 @pytest.mark.parametrize("guard", ["quality", "clearance"])
 def test_star_sweep(benchmark, mesh, note, guard, threads):
-    s, xy, moves, shares, active = sweep_arguments(mesh)
+    xy, stars, colours, moves = sweep_arguments(mesh)
     note(mesh, threads)
     good = 0.5 if guard == "quality" else math.nan
-    arguments = (
-        xy, s.colour_offsets, s.vertices, s.offsets, s.corners, s.cells, active, LIMIT, 0.5, good,
-        s.largest_star, moves, shares,
-    )  # fmt: skip
+    arguments = xy, stars, colours, np.ones(mesh.n_cells), ANGLES, 0.5, good, moves
     run(benchmark, star.star_sweep, arguments, threads)
 
 
 @pytest.mark.parametrize("threads", THREADS)
 def test_quad_proposals(benchmark, mesh, note, threads):
-    s, xy, _, _, active = sweep_arguments(mesh)
+    xy, stars, _, _ = sweep_arguments(mesh)
     note(mesh, threads)
-    wanted = np.empty((s.vertices.size, 2))
-    arguments = (
-        xy, s.vertices, s.offsets, s.corners, s.cells, active, LIMIT, 0.5, s.largest_star, wanted,
-    )  # fmt: skip
+    wanted = np.empty((stars.vertices.size, 2))
+    arguments = xy, stars, np.ones(mesh.n_cells), ANGLES, 0.5, wanted
     run(benchmark, quad.quad_proposals, arguments, threads)
 
 
 @pytest.mark.parametrize("threads", THREADS)
 def test_guarded_commit(benchmark, mesh, note, threads):
-    s, xy, moves, shares, _ = sweep_arguments(mesh)
+    xy, stars, colours, moves = sweep_arguments(mesh)
     note(mesh, threads)
-    wanted = np.random.default_rng(0).uniform(-1e-6, 1e-6, (s.vertices.size, 2))
-    arguments = (
-        xy, s.colour_offsets, s.vertices, s.offsets, s.corners, wanted, 0.5, s.largest_star, moves,
-        shares,
-    )  # fmt: skip
+    wanted = np.random.default_rng(0).uniform(-1e-6, 1e-6, (stars.vertices.size, 2))
+    arguments = xy, stars, colours, wanted, 0.5, moves
     run(benchmark, quad.guarded_commit, arguments, threads)
 
 
 @pytest.mark.parametrize("threads", THREADS)
 def test_laplacian_sweep(benchmark, mesh, note, threads):
-    s, xy, moves, shares, _ = sweep_arguments(mesh)
+    xy, stars, _, moves = sweep_arguments(mesh)
     note(mesh, threads)
-    arguments = (
-        mesh.xy, mesh.ring_offsets, mesh.ring_vertices, s.vertices, xy, moves, shares,
-    )  # fmt: skip
+    arguments = mesh.xy, Rings(mesh.ring_offsets, mesh.ring_vertices), stars, xy, moves
     run(benchmark, laplacian.laplacian_sweep, arguments, threads)
 
 
 @pytest.mark.parametrize("threads", THREADS)
 def test_smart_laplacian_sweep(benchmark, mesh, note, threads):
-    s, xy, moves, shares, _ = sweep_arguments(mesh)
+    xy, stars, colours, moves = sweep_arguments(mesh)
     note(mesh, threads)
-    arguments = (
-        xy, mesh.ring_offsets, mesh.ring_vertices, s.colour_offsets, s.vertices, s.offsets,
-        s.corners, 0.5, moves, shares,
-    )  # fmt: skip
+    arguments = xy, Rings(mesh.ring_offsets, mesh.ring_vertices), stars, colours, 0.5, moves
     run(benchmark, laplacian.smart_laplacian_sweep, arguments, threads)
 
 
@@ -122,7 +111,7 @@ def test_colours(benchmark, mesh, note):
     arguments = (
         ~mesh.is_fixed, mesh.cell_offsets, mesh.cell_vertices, mesh.star_offsets, mesh.star_cells,
     )  # fmt: skip
-    run(benchmark, topology.colours, arguments, 1)
+    run(benchmark, colouring.colours, arguments, 1)
 
 
 def test_mesh_of_a_million_quads(benchmark, note, smoke):

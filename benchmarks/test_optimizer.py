@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 
 from qsmooth import examples, limits, smooth_optimize, untangle
-from qsmooth.kernels import newton
-from qsmooth.kernels import untangle as untangling
 from qsmooth.kernels._jit import use_threads
 from qsmooth.kernels.blocks import build_blocks
-from qsmooth.kernels.topology import NO_VERTEX
+from qsmooth.kernels.newton_sweep import Wall, newton_sweep
+from qsmooth.kernels.stars import NO_VERTEX
+from qsmooth.kernels.untangle_sweep import untangle_sweep
 
 SWEEPS = 10
 NONE = int(NO_VERTEX)
 SINE_60, INV_ROOT3 = math.sqrt(0.75), 1.0 / math.sqrt(3.0)
 # Mean and wall together, as in the stage of the worst cells.
-WEIGHT, LIMIT, SQUARINGS = 1.0, 1.5, 4
+WALL = Wall(1.0, 1.5, 4)
 EPSILON = 0.1
 
 # ------------------------------------------------------------------------------- the plain loop
@@ -176,32 +176,27 @@ class Case:
 
     def __init__(self, mesh, epsilon):
         self.mesh, self.epsilon = mesh, epsilon
-        self.schedule = s = mesh._topology.schedule(True)
-        colour_blocks, blocks, vertices, stars, _ = build_blocks(
-            s.colour_offsets, s.vertices, s.offsets, s.corners
-        )
-        self.blocks = colour_blocks, blocks, vertices, stars, s.largest_star
+        self.stars = mesh._topology.schedule(True)
+        self.blocks = build_blocks(self.stars)
+        self.colours = 0, self.blocks.colour_blocks.size - 1
         self.sizes = np.ones(mesh.n_vertices)
-        self.moves = np.empty(vertices.size)
+        self.lengths = np.empty(self.blocks.vertices.size)
 
     def by_blocks(self):
         xy = self.mesh.xy.copy()
         for _ in range(SWEEPS):
             if self.epsilon:
-                untangling.untangle_sweep(
-                    xy, *self.blocks, 1.7, self.sizes, self.epsilon, self.moves
+                untangle_sweep(
+                    xy, self.blocks, self.colours, 1.7, self.sizes, self.epsilon, self.lengths
                 )
             else:
-                newton.newton_sweep(xy, *self.blocks, 1.7, WEIGHT, LIMIT, SQUARINGS, self.moves)
+                newton_sweep(xy, self.blocks, self.colours, 1.7, WALL, self.lengths)
         return xy
 
     def plainly(self):
-        xy, s = self.mesh.xy.copy(), self.schedule
+        xy, s = self.mesh.xy.copy(), self.stars
         for _ in range(SWEEPS):
-            plain_sweep(
-                xy, s.vertices, s.offsets, s.corners, self.sizes, self.epsilon, WEIGHT, LIMIT,
-                SQUARINGS,
-            )  # fmt: skip
+            plain_sweep(xy, s.vertices, s.offsets, s.corners, self.sizes, self.epsilon, *WALL)
         return xy
 
 
@@ -224,7 +219,7 @@ def test_blocks_over_a_plain_loop(benchmark, mesh, note, print_ratio, smoke, nam
     for values in seconds.values():
         values.clear()
     benchmark.pedantic(both, rounds=1 if smoke else 9)
-    n = case.moves.size * SWEEPS
+    n = case.lengths.size * SWEEPS
     # The least: a sweep is shorter than what other processes take a core away for.
     blocks, plain_loop = (min(values) for values in seconds.values())
     note(

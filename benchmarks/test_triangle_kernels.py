@@ -9,7 +9,8 @@ from meshes import rough_grid
 from qsmooth import Mesh, examples, quality
 from qsmooth.kernels import angle, aspect_ratio, centroid, delaunay, star, uniformity
 from qsmooth.kernels._jit import use_threads
-from qsmooth.kernels.moves import thresholds
+from qsmooth.kernels.proposals import thresholds
+from qsmooth.kernels.stars import Moves
 from qsmooth.split import split_quads
 
 THREADS = [1, 2]
@@ -29,62 +30,58 @@ def run(benchmark, kernel, arguments, threads):
 
 
 def sweep_arguments(mesh):
-    schedule = mesh._topology.schedule(True)
-    moves, shares = np.empty((2, schedule.vertices.size))
-    table = schedule.vertices, schedule.offsets, schedule.corners
-    return schedule, mesh.xy.copy(), table, moves, shares
+    """Coordinates, stars, all colours and what a sweep overwrites."""
+    stars = mesh._topology.schedule(True)
+    moves = Moves(*np.empty((2, stars.vertices.size)))
+    return mesh.xy.copy(), stars, (0, stars.colour_offsets.size - 1), moves
 
 
 @pytest.mark.parametrize("threads", THREADS)
 def test_star_sweep(benchmark, triangles, note, threads):
-    s, xy, table, moves, shares = sweep_arguments(triangles)
+    xy, stars, colours, moves = sweep_arguments(triangles)
     note(triangles, threads)
-    arguments = (
-        xy, s.colour_offsets, *table, s.cells, np.ones(triangles.n_cells),
-        thresholds(120.0, 60.0, 90.0, 45.0), 0.25, 0.5, s.largest_star, moves, shares,
-    )  # fmt: skip
+    angles = thresholds(120.0, 60.0, 90.0, 45.0)
+    arguments = xy, stars, colours, np.ones(triangles.n_cells), angles, 0.25, 0.5, moves
     run(benchmark, star.star_sweep, arguments, threads)
 
 
 @pytest.mark.parametrize("threads", THREADS)
 @pytest.mark.parametrize("guard", ["quality", "clearance"])
 def test_aspect_ratio_sweep(benchmark, triangles, note, guard, threads):
-    s, xy, table, moves, shares = sweep_arguments(triangles)
+    xy, stars, colours, moves = sweep_arguments(triangles)
     note(triangles, threads)
     good = 0.5 if guard == "quality" else math.nan
-    arguments = (
-        xy, s.colour_offsets, *table, 1.2, 0.2, 4.0, 1.2, good, s.largest_star, moves, shares,
-    )  # fmt: skip
+    arguments = xy, stars, colours, 1.2, 0.2, 4.0, 1.2, good, moves
     run(benchmark, aspect_ratio.aspect_ratio_sweep, arguments, threads)
 
 
 @pytest.mark.parametrize("threads", THREADS)
 def test_angle_sweep(benchmark, triangles, note, threads):
-    _, xy, table, moves, shares = sweep_arguments(triangles)
+    xy, stars, _, moves = sweep_arguments(triangles)
     note(triangles, threads)
-    run(benchmark, angle.angle_sweep, (triangles.xy, *table, 1.0, xy, moves, shares), threads)
+    run(benchmark, angle.angle_sweep, (triangles.xy, stars, 1.0, xy, moves), threads)
 
 
 @pytest.mark.parametrize("threads", THREADS)
 def test_guarded_angle_sweep(benchmark, triangles, note, threads):
-    s, xy, table, moves, shares = sweep_arguments(triangles)
+    xy, stars, colours, moves = sweep_arguments(triangles)
     note(triangles, threads)
-    arguments = xy, s.colour_offsets, *table, 1.0, 0.5, moves, shares
+    arguments = xy, stars, colours, 1.0, 0.5, moves
     run(benchmark, angle.guarded_angle_sweep, arguments, threads)
 
 
 @pytest.mark.parametrize("threads", THREADS)
 def test_centroid_sweep(benchmark, triangles, note, threads):
-    _, xy, table, moves, shares = sweep_arguments(triangles)
+    xy, stars, _, moves = sweep_arguments(triangles)
     note(triangles, threads)
-    run(benchmark, centroid.centroid_sweep, (triangles.xy, *table, xy, moves, shares), threads)
+    run(benchmark, centroid.centroid_sweep, (triangles.xy, stars, xy, moves), threads)
 
 
 @pytest.mark.parametrize("threads", THREADS)
 def test_smart_centroid_sweep(benchmark, triangles, note, threads):
-    s, xy, table, moves, shares = sweep_arguments(triangles)
+    xy, stars, colours, moves = sweep_arguments(triangles)
     note(triangles, threads)
-    arguments = xy, s.colour_offsets, *table, 0.5, moves, shares
+    arguments = xy, stars, colours, 0.5, moves
     run(benchmark, centroid.smart_centroid_sweep, arguments, threads)
 
 
