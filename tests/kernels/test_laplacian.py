@@ -6,6 +6,11 @@ import pytest
 import reference
 from meshes import KINDS, fan, grid, random_mesh
 from qsmooth import Mesh, smooth
+from qsmooth.kernels._jit import use_threads
+from qsmooth.kernels.angle import angle_sweep
+from qsmooth.kernels.centroid import centroid_sweep
+from qsmooth.kernels.laplacian import laplacian_sweep
+from qsmooth.kernels.stars import Moves, Rings
 
 
 def agree(mesh, xy, expected):
@@ -65,3 +70,27 @@ def test_smart_sweeps_agree_with_the_reference(kind, guard):
         points = reference.smart_laplacian_sweep(points, cells, order, options)
         result = smooth(mesh, "smart-laplacian", max_sweeps=n, rtol=0.0, guard=guard)
         agree(mesh, result.mesh.xy, points)
+
+
+AT_ONCE = {
+    "laplacian": lambda mesh, stars, xy, moves: laplacian_sweep(
+        mesh.xy, Rings(mesh.ring_offsets, mesh.ring_vertices), stars, xy, moves
+    ),
+    "centroid": lambda mesh, stars, xy, moves: centroid_sweep(mesh.xy, stars, xy, moves),
+    "angle": lambda mesh, stars, xy, moves: angle_sweep(mesh.xy, stars, 0.7, xy, moves),
+}
+
+
+@pytest.mark.parametrize("name", AT_ONCE)
+def test_sweeps_all_at_once_measure_their_moves_on_any_number_of_threads(name):
+    mesh = random_mesh("mixed", 6, seed=23, amount=0.9).mesh
+    stars = mesh.topology.schedule(True)
+    found = []
+    for threads in (1, 2):
+        xy, moves = mesh.xy.copy(), Moves(*np.full((2, stars.vertices.size), np.nan))
+        with use_threads(threads):
+            AT_ONCE[name](mesh, stars, xy, moves)
+        assert np.hypot(*(xy - mesh.xy)[stars.vertices].T) == pytest.approx(moves.lengths)
+        assert (moves.shares > 0.0).all()
+        found.append([xy.tobytes(), moves.lengths.tobytes(), moves.shares.tobytes()])
+    assert found[0] == found[1]

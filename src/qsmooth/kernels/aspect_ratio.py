@@ -179,7 +179,7 @@ def aspect_ratio_sweep(
         unless it stays within this; infinite for no such rule.
     """
     colour_offsets, vertices, offsets, corners, _, largest = stars
-    lengths, shares = moves
+    lengths, shares = moves.lengths, moves.shares
     for colour in range(colours[0], colours[1]):
         start, stop = colour_offsets[colour], colour_offsets[colour + 1]
         for chunk in prange((stop - start + CHUNK - 1) // CHUNK):

@@ -50,7 +50,7 @@ def laplacian_sweep(
     """
     vertices = stars.vertices
     ring_offsets, ring_vertices = rings
-    lengths, shares = moves
+    lengths, shares = moves.lengths, moves.shares
     for i in prange(vertices.size):
         v = vertices[i]
         dx, dy, shortest = step_to_ring(xy, ring_offsets, ring_vertices, v)
@@ -80,7 +80,7 @@ def smart_laplacian_sweep(
     """
     colour_offsets, vertices, offsets, corners, _, _ = stars
     ring_offsets, ring_vertices = rings
-    lengths, shares = moves
+    lengths, shares = moves.lengths, moves.shares
     no_lines = np.empty((0, 3))
     for colour in range(colours[0], colours[1]):
         start, stop = colour_offsets[colour], colour_offsets[colour + 1]

@@ -60,7 +60,7 @@ def guarded_commit(
         As in `star.star_sweep`.
     """
     colour_offsets, vertices, offsets, corners, _, largest = stars
-    lengths, shares = moves
+    lengths, shares = moves.lengths, moves.shares
     for colour in range(colours[0], colours[1]):
         start, stop = colour_offsets[colour], colour_offsets[colour + 1]
         for chunk in prange((stop - start + CHUNK - 1) // CHUNK):

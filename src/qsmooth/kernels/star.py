@@ -44,7 +44,7 @@ def star_sweep(
         Overwritten for the vertices of these colours.
     """
     colour_offsets, vertices, offsets, corners, cells, largest = stars
-    lengths, shares = moves
+    lengths, shares = moves.lengths, moves.shares
     for colour in range(colours[0], colours[1]):
         start, stop = colour_offsets[colour], colour_offsets[colour + 1]
         for chunk in prange((stop - start + CHUNK - 1) // CHUNK):
