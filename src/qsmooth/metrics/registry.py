@@ -6,6 +6,7 @@ Selections, gates, tables, figures, JSON and the command line find it by name in
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from importlib import import_module
 from types import MappingProxyType
 
@@ -84,13 +85,18 @@ def parse_metrics(names: str | Sequence[str] | None, option: str = "metrics") ->
 # Kernels are imported when they are first wanted: with them comes the compiler.
 
 
+@cache
+def _kernel(module: str, kernel: str) -> Callable[..., None]:
+    found: Callable[..., None] = getattr(import_module(f"qsmooth.kernels.{module}"), kernel)
+    return found
+
+
 def by_cell(module: str, kernel: str) -> Callable[[Cells], FloatArray]:
     """Measure by a kernel that takes coordinates and cells."""
 
     def measure(cells: Cells) -> FloatArray:
         out = np.empty(cells.topology.n_cells)
-        run = getattr(import_module(f"qsmooth.kernels.{module}"), kernel)
-        run(cells.xy, *cells.topology.cells, out)
+        _kernel(module, kernel)(cells.xy, *cells.topology.cells, out)
         return out
 
     return measure
