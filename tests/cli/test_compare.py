@@ -91,6 +91,7 @@ def test_compare_says_in_json_what_was_skipped(call, mesh_file):
         (["--methods", "star", "--no-worst"], "method star has no option --worst"),
         (["--methods", "magic"], "--methods takes names out of optimize, angle,"),
         (["--methods", ","], "got none"),
+        (["--methods", "star,laplacien"], "got laplacien; did you mean 'laplacian'?"),
         (["--methods", "laplacian", "--step", 0.5], "method laplacian has no option --step"),
         (["--sweeps", -1], "--sweeps must be"),
     ],

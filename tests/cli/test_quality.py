@@ -6,6 +6,7 @@ import re
 import pytest
 
 from qsmooth import limits, quality, read_mesh
+from qsmooth.metrics import METRICS, parse_metrics
 
 pytestmark = pytest.mark.nojit
 
@@ -115,3 +116,38 @@ def test_infinite_figures_are_null_in_json(call, tmp_path):
     assert facts["worst"]["aspect_ratio"] is None
     assert facts["checks"][0]["worst_value"] is None
     assert "failed: 1 cell of 1 with the aspect ratio above 9" in err
+
+
+@pytest.mark.parametrize("name", list(METRICS))
+def test_any_metric_is_shown_ranked_and_gated(call, mesh_file, name):
+    gates = ["--fail-above", f"{name}=-1e9", "--fail-below", f"{name.replace('_', '-')}=-1e9"]
+    code, out, _ = call("quality", mesh_file, "--metrics", name, "--worst-by", name, *gates)
+    assert code == 1
+    assert METRICS[name].worst_words in out
+    assert METRICS[name].mean_words in out
+    assert f"worst cells by {METRICS[name].words}" in out
+    assert len(re.findall("FAILED|passed", out)) == 2
+
+
+def test_metrics_are_chosen(call, mesh_file):
+    arguments = ["quality", mesh_file, "--worst", 2, "--json", "-"]
+    facts = json.loads(call(*arguments, "--metrics", "taper, min-edge,taper")[1])
+    assert list(facts["worst"]) == list(facts["mean"]) == ["taper", "min_edge"]
+    ranked = {"cell", "centre", "state", "taper", "min_edge", "scaled_jacobian"}
+    assert set(facts["worst_cells"][0]) == ranked
+    facts = json.loads(call(*arguments, "--metrics", "all")[1])
+    assert list(facts["worst"]) == list(METRICS)
+    facts = json.loads(call(*arguments)[1])
+    assert list(facts["worst"]) == list(parse_metrics(None))
+
+
+@pytest.mark.parametrize("option", ["--metrics", "--worst-by"])
+def test_unknown_metrics(fails, mesh_file, option):
+    message = fails("quality", mesh_file, option, "tapper")
+    assert message.startswith(f"{option} must be one of min_angle,")
+    assert message.endswith("got 'tapper'; did you mean 'taper'?")
+
+
+def test_help_names_the_metrics(call):
+    words = set(re.findall(r"\w+", call("quality", "--help")[1]))
+    assert words.issuperset(METRICS)

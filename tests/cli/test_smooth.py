@@ -96,6 +96,11 @@ def test_smooth_reports_as_json(call, mesh_file, tmp_path):
     assert facts["reason"] == result.reason
     assert facts["before"] == result.before.to_dict()
     assert facts["after"] == result.after.to_dict()
+    assert facts["outcome"]["stop"] == result.outcome.stop
+    assert facts["outcome"]["sweeps"] == result.sweeps
+    assert [stage["aim"] for stage in facts["outcome"]["stages"]] == [
+        stage.aim for stage in result.outcome.stages
+    ]
     assert facts["history"][0]["n_moved"] == result.history[0].n_moved
 
 

@@ -62,11 +62,12 @@ def test_untangle_takes_every_option(call, tangled_file, tmp_path):
     report = tmp_path / "report.json"
     code, _, _ = call(
         "untangle", tangled_file, "-o", tmp_path / "out.off", "--sweeps", 1, "--time-limit", 100,
-        "--no-keep-interfaces", "--threads", 1, "--json", report,
+        "--no-keep-interfaces", "--threads", 1, "--selection", "min_angle < 90", "--json", report,
     )  # fmt: skip
     facts = json.loads(report.read_text())
     assert facts["options"] == {
         "sweeps": 1, "time_limit": 100.0, "keep_interfaces": False, "threads": 1,
+        "selection": "min_angle < 90",
     }  # fmt: skip
     expected = untangle(read_mesh(tangled_file), max_sweeps=1)
     assert facts["sweeps"] == expected.sweeps
