@@ -274,19 +274,17 @@ def figures_get_no_worse(seen: Run):
     """A method that untangles lowers no figure of a valid mesh, but by a trade that was one.
 
     The mean shape may then fall by `mean_loss` of the best that was seen, for a worst cell that is
-    clearly better.
+    clearly better. After untangling there is nothing to keep.
     """
-    mesh, after = seen.mesh, seen.result.mesh
-    if not seen.method.untangles or invalid_cells(mesh).any():
-        return_value = seen.result.outcome.trades
-        assert seen.method.untangles or not return_value, "a trade by a method that makes none"
-        return
+    mesh, after, trades = seen.mesh, seen.result.mesh, seen.result.outcome.trades
+    held = seen.method.untangles and not invalid_cells(mesh).any()
     old, new = quality(mesh), quality(after)
-    assert new.min_angle.min() >= old.min_angle.min(), "a smaller smallest angle"
-    assert new.max_angle.max() <= old.max_angle.max(), "a larger largest angle"
-    assert new.scaled_jacobian.min() >= old.scaled_jacobian.min(), "a worse cell"
-    fell = new.shape.mean() < old.shape.mean()
-    assert bool(seen.result.outcome.trades) == fell, "a trade that is not told, or was none"
+    fell = held and new.shape.mean() < old.shape.mean()
+    assert bool(trades) == fell, "a trade that is not told, or was none"
+    if held:
+        assert new.min_angle.min() >= old.min_angle.min(), "a smaller smallest angle"
+        assert new.max_angle.max() <= old.max_angle.max(), "a larger largest angle"
+        assert new.scaled_jacobian.min() >= old.scaled_jacobian.min(), "a worse cell"
     if fell:
         best = max([old.shape.mean(), *(record.mean_shape for record in seen.records)])
         loss = getattr(seen.method, "mean_loss", 0.0)
@@ -294,7 +292,7 @@ def figures_get_no_worse(seen: Run):
         movable = movable_vertices(mesh, seen.method)
         gained = free_jacobian(after, movable) - free_jacobian(mesh, movable)
         assert gained > LEAST_TRADE - 1e-9, "gave up the mean shape for nothing"
-        (trade,) = seen.result.outcome.trades
+        (trade,) = trades
         assert (trade.figure, trade.gained) == ("mean_shape", "scaled_jacobian")
         assert (trade.before, trade.after) == (old.shape.mean(), new.shape.mean())
 
@@ -450,20 +448,17 @@ def scales_by_bits(made, method, power):
     assert np.array_equal(other.points, result.points * factor), "depends on the unit"
 
 
-def numbering_changes_little(made, points, cells, new_of, method):
-    """In another numbering: as valid, as good, the same vertices fixed."""
+def numbering_breaks_nothing(made, points, cells, new_of, method):
+    """In another numbering: as valid, the same vertices fixed; on triangles about as good, too."""
     result, other = smooth(made.mesh, method), smooth((points, cells), method)
     fixed = made.mesh.is_fixed
-    assert np.array_equal(other.points[new_of][fixed], result.points[fixed])
+    assert np.array_equal(other.points[new_of][fixed], made.points[fixed]), "moved what is fixed"
     if method.guards:
-        assert other.after.n_invalid == 0
+        assert not invalid_cells(other.mesh).any(), "not valid in another numbering"
     if getattr(method, "guard", None) == "quality" or method.untangles:
         assert other.after.worst["scaled_jacobian"] >= other.before.worst["scaled_jacobian"]
-    # The order of the updates is another, so it ends near by at best.
-    apart = abs(other.after.mean["shape"] - result.after.mean["shape"])
-    assert apart <= 0.02, "another mean shape"
-    assert abs(other.after.mean["max_angle"] - result.after.mean["max_angle"]) <= 5.0
-    for name in ("min_angle", "max_angle"):
-        gained = abs(result.after.worst[name] - result.before.worst[name])
-        apart = abs(other.after.worst[name] - result.after.worst[name])
-        assert apart <= 6.0 + 0.35 * gained, f"another {name}"
+    if all(block.shape[1] == 3 for block in cells):
+        # The order of the updates is another, so it ends near by at best.
+        gained = abs(result.after.mean["shape"] - result.before.mean["shape"])
+        apart = abs(other.after.mean["shape"] - result.after.mean["shape"])
+        assert apart <= 0.02 + 0.35 * gained, "another mean shape"
