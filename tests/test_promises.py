@@ -54,9 +54,7 @@ def test_results_turn_scale_shift_and_mirror_with_the_input(
 ):
     method = data.draw(promises.methods(known, most_sweeps=4))
     if not method.why_not(made.mesh):
-        promises.follows_the_input(
-            made, method, scale=scale, turn=turn, shift=shift, mirror=mirror
-        )
+        promises.follows_the_input(made, method, scale=scale, turn=turn, shift=shift, mirror=mirror)
 
 
 @every_method
