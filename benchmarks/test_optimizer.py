@@ -7,18 +7,19 @@ import numba
 import numpy as np
 import pytest
 
-from qsmooth import examples, limits, smooth_optimize, untangle
-from qsmooth.kernels import newton
-from qsmooth.kernels import untangle as untangling
+from qsmooth import examples, limits, smooth, untangle
 from qsmooth.kernels._jit import use_threads
 from qsmooth.kernels.blocks import build_blocks
-from qsmooth.kernels.topology import NO_VERTEX
+from qsmooth.kernels.newton_sweep import Wall, newton_sweep
+from qsmooth.kernels.stars import NO_VERTEX
+from qsmooth.kernels.untangle_sweep import untangle_sweep
 
+pytestmark = pytest.mark.benchmark(group="optimizer")
 SWEEPS = 10
 NONE = int(NO_VERTEX)
 SINE_60, INV_ROOT3 = math.sqrt(0.75), 1.0 / math.sqrt(3.0)
 # Mean and wall together, as in the stage of the worst cells.
-WEIGHT, LIMIT, SQUARINGS = 1.0, 1.5, 4
+WEIGHT, THRESHOLD, SQUARINGS = 1.0, 1.5, 4
 EPSILON = 0.1
 
 # ------------------------------------------------------------------------------- the plain loop
@@ -176,30 +177,28 @@ class Case:
 
     def __init__(self, mesh, epsilon):
         self.mesh, self.epsilon = mesh, epsilon
-        self.schedule = s = mesh.topology.schedule(True)
-        colour_blocks, blocks, vertices, stars, _ = build_blocks(
-            s.colour_offsets, s.vertices, s.offsets, s.corners
-        )
-        self.blocks = colour_blocks, blocks, vertices, stars, s.largest_star
+        self.stars = mesh.topology.schedule()
+        self.blocks = build_blocks(self.stars)
+        self.all = 0, self.blocks.colour_blocks.size - 1
         self.sizes = np.ones(mesh.n_vertices)
-        self.moves = np.empty(vertices.size)
+        self.moves = np.empty(self.blocks.vertices.size)
 
     def by_blocks(self):
         xy = self.mesh.xy.copy()
         for _ in range(SWEEPS):
             if self.epsilon:
-                untangling.untangle_sweep(
-                    xy, *self.blocks, 1.7, self.sizes, self.epsilon, self.moves
-                )
+                rest = 1.7, self.sizes, self.epsilon, self.moves
+                untangle_sweep(xy, self.blocks, self.all, *rest)
             else:
-                newton.newton_sweep(xy, *self.blocks, 1.7, WEIGHT, LIMIT, SQUARINGS, self.moves)
+                wall = Wall(WEIGHT, THRESHOLD, SQUARINGS)
+                newton_sweep(xy, self.blocks, self.all, 1.7, wall, self.moves)
         return xy
 
     def plainly(self):
-        xy, s = self.mesh.xy.copy(), self.schedule
+        xy, s = self.mesh.xy.copy(), self.stars
         for _ in range(SWEEPS):
             plain_sweep(
-                xy, s.vertices, s.offsets, s.corners, self.sizes, self.epsilon, WEIGHT, LIMIT,
+                xy, s.vertices, s.offsets, s.corners, self.sizes, self.epsilon, WEIGHT, THRESHOLD,
                 SQUARINGS,
             )  # fmt: skip
         return xy
@@ -264,9 +263,9 @@ WHOLE = {
 def test_optimize(benchmark, note, print_ratio, smoke, name):
     """The whole optimiser with its defaults; what it reached stands beside the time."""
     mesh = WHOLE["jittered squares 2K" if smoke else name]()
-    smooth_optimize(mesh, max_sweeps=20)  # compiled
+    smooth(mesh, "optimize", max_sweeps=20)  # compiled
     result = benchmark.pedantic(
-        lambda: smooth_optimize(mesh, max_sweeps=20 if smoke else 5000), rounds=1 if smoke else 3
+        lambda: smooth(mesh, "optimize", max_sweeps=20 if smoke else 5000), rounds=1 if smoke else 3
     )
     found, worst = limits(result.mesh), result.after.worst
     note(

@@ -28,7 +28,7 @@ def coarse(monkeypatch):
 @pytest.fixture
 def mesh_file(tmp_path):
     path = tmp_path / "mesh.off"
-    write_mesh(path, Mesh(*spiral(300, seed=1)))
+    write_mesh(path, spiral(300, seed=1))
     return path
 
 
@@ -184,7 +184,8 @@ def test_mesh_warnings_are_one_line(call, tmp_path):
     from qsmooth.errors import MeshWarning
 
     path = tmp_path / "mesh.vtk"
-    write_mesh(path, Mesh(*spiral(300), regions=np.arange(len(spiral(300)[1])) % 2))
+    mesh = spiral(300)
+    write_mesh(path, Mesh(mesh.points, mesh.cells, regions=np.arange(mesh.n_cells) % 2))
     code, _, err = call("smooth", path, "-o", tmp_path / "out.off", "--sweeps", 1)
     assert code == 0
     assert re.fullmatch(r"qsmooth: warning: [^\n]*2 regions[^\n]*\n", err)
@@ -433,11 +434,10 @@ def test_figures_without_matplotlib(fails, mesh_file, tmp_path, monkeypatch):
 
 
 def test_z_as_a_value(call, fails, tmp_path):
-    points, quads = spiral(300)
+    mesh = spiral(300)
     path = tmp_path / "bed.off"
-    write_mesh(
-        path, Mesh(np.column_stack([points, np.sin(9 * points[:, 0])]), quads, surface="flat")
-    )
+    bed = np.sin(9 * mesh.points[:, 0])
+    write_mesh(path, Mesh(np.column_stack([mesh.points, bed]), mesh.cells, surface="flat"))
     assert "--surface flat" in fails("quality", path)
     for command in (["quality"], ["info"], ["compare", "--sweeps", 2]):
         assert call(command[0], path, "--surface", "flat", *command[1:])[0] == 0
@@ -461,7 +461,7 @@ def test_smooth_shows_the_limits_on_lines_of_their_own(call, mesh_file, tmp_path
 @pytest.mark.parametrize("command", ["smooth", "untangle"])
 def test_unknown_endings_are_refused_before_the_work(fails, call, mesh_file, tmp_path, command):
     message = fails(command, mesh_file, "-o", tmp_path / "out.ofg")
-    assert "unknown ending '.ofg', known are off, gmsh" in message
+    assert "unknown ending '.ofg', known are abaqus, gmsh" in message
     assert not (tmp_path / "out.ofg").exists()
     assert "unknown format 'oof'" in fails(
         command, mesh_file, "-o", tmp_path / "out", "--output-format", "oof"

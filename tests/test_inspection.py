@@ -7,7 +7,7 @@ import pytest
 from qsmooth import Mesh, read_mesh
 from qsmooth.errors import MeshError
 from qsmooth.inspection import inspect
-from qsmooth.report import inspection_table
+from qsmooth.output.tables import inspection_table
 
 pytestmark = pytest.mark.nojit
 

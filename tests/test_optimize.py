@@ -602,7 +602,7 @@ def warped(n=24, kind="quad"):
 
 
 def energy(mesh, xy):
-    from qsmooth.kernels.newton import cell_energy
+    from qsmooth.kernels.newton_sweep import cell_energy
 
     worst, total = np.empty((2, mesh.n_cells))
     movable = np.zeros(mesh.n_vertices, np.bool_)

@@ -40,10 +40,10 @@ def test_shell_examples_use_options_that_exist(capsys):
 
 
 def test_formats_are_those_there_are():
-    from qsmooth.io import FORMATS
+    from qsmooth.io import own_formats
 
     table = README.partition("## File formats")[2].partition("## ")[0]
-    endings = {ending for form in FORMATS for ending in form.ENDINGS}
+    endings = {ending for form in own_formats() for ending in form.ENDINGS}
     assert set(re.findall(r"`(\.\w+)`", table)) == endings
 
 

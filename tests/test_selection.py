@@ -236,7 +236,7 @@ def test_options_that_the_chosen_method_lacks_are_named():
 
 @pytest.mark.nojit
 def test_neighbours_of_one_size_have_no_jump():
-    assert quality(Mesh(*grid(3, 2))).summary().size_jump == pytest.approx(1.0)
+    assert quality(Mesh(*grid(3, 2))).summary().mean["size_jump"] == pytest.approx(1.0)
     # An equilateral triangle on the side of a square is as large as it, for its kind.
     points = [(0, 0), (1, 0), (1, 1), (0, 1), (0.5, 1 + 0.75**0.5)]
     house = Mesh(points, [[(0, 1, 2, 3)], [(3, 2, 4)]])
@@ -252,8 +252,8 @@ def test_the_largest_jump_of_each_cell_and_their_geometric_mean():
     measured = quality(Mesh(points, cells))
     assert measured.size_jump[:3] == pytest.approx([2.0, 3.0, 3.0])
     assert np.isnan(measured.size_jump[3])
-    assert measured.summary().size_jump == pytest.approx(18.0 ** (1.0 / 3.0))
-    assert measured.summary().to_dict()["size_jump"] == pytest.approx(18.0 ** (1.0 / 3.0))
+    assert measured.summary().mean["size_jump"] == pytest.approx(18.0 ** (1.0 / 3.0))
+    assert measured.summary().to_dict()["mean"]["size_jump"] == pytest.approx(18.0 ** (1.0 / 3.0))
     # The unit does not matter, nor which way cells are given.
     turned = Mesh(1e-6 * np.array(points), [cell[::-1] for cell in cells])
     assert quality(turned).size_jump[:3] == pytest.approx([2.0, 3.0, 3.0])
@@ -267,7 +267,7 @@ def test_a_cell_without_area_jumps_infinitely():
         assert np.isinf(measured.size_jump).all()
     flat = Mesh([(0, 0), (1, 0), (2, 0), (1, 1)], [(0, 1, 2), (0, 2, 3)])
     assert np.isinf(quality(flat).size_jump).all()
-    assert quality(flat).summary().to_dict()["size_jump"] is None
+    assert quality(flat).summary().to_dict()["mean"]["size_jump"] is None
 
 
 @pytest.mark.parametrize("rings", [0, 1])

@@ -21,19 +21,20 @@ DECIMALS = 5
 def main() -> None:
     """Make the mesh, check it, write it and say how bad it is."""
     path = Path(sys.argv[1]) if len(sys.argv) > 1 else DEMO_FILE
-    points, quads = spiral()
-    points = np.round(points, DECIMALS)
-    measured = quality((points, quads))
+    mesh = spiral()
+    mesh = mesh.with_points(np.round(mesh.points, DECIMALS))
+    (quads,) = mesh.cells
+    measured = quality(mesh)
     if measured.n_invalid:
         raise SystemExit(f"{measured.n_invalid} quads are not valid")
-    lines = ["OFF", f"{len(points)} {len(quads)} 0"]
-    lines += [f"{x:.{DECIMALS}f} {y:.{DECIMALS}f} 0" for x, y in points]
+    lines = ["OFF", f"{mesh.n_vertices} {len(quads)} 0"]
+    lines += [f"{x:.{DECIMALS}f} {y:.{DECIMALS}f} 0" for x, y in mesh.points]
     lines += [" ".join(map(str, (4, *quad))) for quad in quads.tolist()]
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(("\n".join(lines) + "\n").encode("ascii"))
     print(path)
     print(
-        f"{len(points)} vertices, {len(quads)} quads; "
+        f"{mesh.n_vertices} vertices, {len(quads)} quads; "
         f"angles {measured.min_angle.min():.2f} to {measured.max_angle.max():.2f} degrees; "
         f"aspect ratio {measured.aspect_ratio.mean():.2f} in the mean, "
         f"{measured.aspect_ratio.max():.2f} at most"

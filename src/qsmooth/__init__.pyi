@@ -1,5 +1,7 @@
 # The public names and where they live: the one list of them. `__init__.py` loads each when it is
 # first used.
+from .adapters.meshio_mesh import from_meshio as from_meshio
+from .adapters.meshio_mesh import to_meshio as to_meshio
 from .errors import MeshError as MeshError
 from .errors import MeshWarning as MeshWarning
 from .io import read_mesh as read_mesh
@@ -21,9 +23,9 @@ from .optimizer.method import Optimize as Optimize
 from .optimizer.method import Untangle as Untangle
 from .outcome import Outcome as Outcome
 from .outcome import Stop as Stop
-from .plot import plot_comparison as plot_comparison
-from .plot import plot_histograms as plot_histograms
-from .plot import plot_mesh as plot_mesh
+from .output.figures import plot_comparison as plot_comparison
+from .output.figures import plot_histograms as plot_histograms
+from .output.figures import plot_mesh as plot_mesh
 from .result import History as History
 from .result import SmoothResult as SmoothResult
 from .result import SweepRecord as SweepRecord

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import math
 import os
 import re
 import sys
@@ -29,9 +28,9 @@ from qsmooth.errors import MeshWarning
 
 if TYPE_CHECKING:
     from qsmooth.mesh import Mesh
-    from qsmooth.metrics import Limits, Quality
-    from qsmooth.report import Table
+    from qsmooth.metrics import Limits
     from qsmooth.smoothing import SmoothResult, SweepRecord
+    from qsmooth.table import Table
 
 PASSED, FAILED, ERROR, INTERRUPTED, BROKEN_PIPE = 0, 1, 2, 130, 141
 # Lines of text, as opposed to tables, are broken here where the output is no terminal.
@@ -528,11 +527,11 @@ def smooth(
 
     Boundary vertices stay. OUT keeps everything that IN holds but the coordinates.
     """
-    from qsmooth import report
+    from qsmooth.output import tables as report
 
     _refuse_unsafe(mesh_file, output, overwrite, json_file)
     if plot is not None:
-        from qsmooth.plot import require_matplotlib
+        from qsmooth.output.drawing import require_matplotlib
 
         if plot.exists() and not plot.is_dir():
             raise ValueError(f"'{plot}' is a file; --plot takes a folder")
@@ -555,7 +554,7 @@ def smooth(
     write_mesh(output, result.mesh, format=output_format)
     written = [output]
     if plot is not None:
-        from qsmooth.plot import save_figures
+        from qsmooth.output.figures import save_figures
 
         save_figures(mesh, result, plot, metric=plot_metric.value)
         written.append(plot)
@@ -605,7 +604,7 @@ def untangle(
     Exit code 0 where every cell is valid, 1 where some stay invalid; OUT then has the best that was
     found. Smoothing with method optimize does this first, by itself.
     """
-    from qsmooth import report
+    from qsmooth.output import tables as report
 
     _refuse_unsafe(mesh_file, output, overwrite, json_file)
     options = _given(
@@ -684,20 +683,24 @@ def quality(
 
     Metrics are min_angle, max_angle (degrees), aspect_ratio, scaled_jacobian and shape.
     """
-    from qsmooth import metrics, report
+    from qsmooth import metrics
+    from qsmooth.output import tables as report
 
     if worst < 0:
         raise ValueError(f"--worst must be 0 or more, got {worst}")
-    limits = [(*_limit("--fail-below", text), True) for text in fail_below or ()]
-    limits += [(*_limit("--fail-above", text), False) for text in fail_above or ()]
+    gates = [(*metrics.parse_gate(text, "--fail-below"), True) for text in fail_below or ()]
+    gates += [(*metrics.parse_gate(text, "--fail-above"), False) for text in fail_above or ()]
     _refuse_clash(json_file, mesh_file)
     mesh = _read(mesh_file, surface, format)
     measured = metrics.quality(mesh)
     summary, bounds = measured.summary(), metrics.limits(mesh)
-    checks = [_check(measured, *limit) for limit in limits]
+    checks = [
+        metrics.check_gate(measured, name, threshold, below=below)
+        for name, threshold, below in gates
+    ]
     if fail_invalid:
-        checks.append(_check_validity(measured))
-    passed = all(check["passed"] for check in checks)
+        checks.append(metrics.check_validity(measured))
+    passed = all(check.passed for check in checks)
     facts = {
         "input": str(mesh_file),
         **summary.to_dict(),
@@ -706,7 +709,7 @@ def quality(
             {**cell, "state": metrics.Validity(int(measured.validity[cell["cell"]])).name.lower()}
             for cell in measured.worst(worst, worst_by.value).to_dict()
         ],
-        "checks": checks,
+        "checks": [check.to_dict() for check in checks],
         "passed": passed,
     }
     if not _write_json(json_file, facts):
@@ -716,11 +719,11 @@ def quality(
         if worst:
             _table(report.worst_table(measured, worst, worst_by.value))
         for check in checks:
-            _text(("passed: " if check["passed"] else "FAILED: ") + check["text"])
+            _text(("passed: " if check.passed else "FAILED: ") + check.text)
     elif not passed and json_file == Path("-"):
         for check in checks:
-            if not check["passed"]:
-                _say(f"failed: {check['text']}")
+            if not check.passed:
+                _say(f"failed: {check.text}")
     if not passed:
         raise typer.Exit(FAILED)
 
@@ -819,7 +822,7 @@ def info(
     length, hanging nodes, pinched vertices, parts, cells that are not valid.
     """
     from qsmooth.inspection import inspect
-    from qsmooth.report import inspection_table
+    from qsmooth.output.tables import inspection_table
 
     if ids < 0:
         raise ValueError(f"--ids must be 0 or more, got {ids}")
@@ -868,7 +871,7 @@ def demo(
     write_mesh(smoothed, chosen.mesh)
     _text(f"Wrote the mesh, {given}, and what method {chosen.method} made of it, {smoothed}")
     try:
-        from qsmooth.plot import save_figures
+        from qsmooth.output.figures import save_figures
 
         with _status("drawing"):
             paths = save_figures(mesh, chosen, output)
@@ -928,15 +931,13 @@ def _cells(text: str | None) -> list[int] | str | None:
         return None
     if re.fullmatch(r"[\d\s,]*\d[\d\s,]*", text):
         return [int(number) for number in re.split(r"[\s,]+", text.strip(" ,"))]
-    from qsmooth.metrics import HIGHER_IS_BETTER
     from qsmooth.selection import parse_threshold
 
     try:
         parse_threshold(text)
-    except ValueError:
+    except ValueError as error:
         raise ValueError(
-            "--selection takes cell ids such as 3,7,12 or a threshold such as 'max_angle > 150' "
-            f"on one of {', '.join(HIGHER_IS_BETTER)}; got '{text}'"
+            f"--selection takes cell ids such as 3,7,12 or a threshold; {error}"
         ) from None
     return text
 
@@ -1029,7 +1030,7 @@ def _show_comparison(
     skipped: dict[str, str],
     options: dict[str, Any],
 ) -> None:
-    from qsmooth import report
+    from qsmooth.output import tables as report
     from qsmooth.smoothing import METHODS
 
     before = results[0].before
@@ -1051,14 +1052,15 @@ def _bounds(result: SmoothResult, options: dict[str, Any]) -> Limits:
 
 def _show_outcome(result: SmoothResult, bounds: Limits | None = None) -> None:
     """Say what was done and why it stopped; the limits have lines of their own."""
-    from qsmooth import report
+    from qsmooth.output import tables as report
+    from qsmooth.table import time_text
 
     reason = result.reason
     if bounds is not None:
         reason = reason.removesuffix("; " + "; ".join(str(bounds).splitlines()))
     sweeps = plural(result.sweeps, "sweep")
     _text(
-        f"{report.method_title(result.method)}: {sweeps} in {report.time_text(result.seconds)}; "
+        f"{report.method_title(result.method)}: {sweeps} in {time_text(result.seconds)}; "
         f"{_in_options(reason)}."
     )
     if bounds is not None:
@@ -1083,73 +1085,9 @@ def _result_facts(result: SmoothResult, bounds: Limits | None = None) -> dict[st
     return facts if bounds is None else {**facts, "limits": bounds.to_dict()}
 
 
-def _limit(option: str, text: str) -> tuple[str, float]:
-    """Take apart "min_angle=20"."""
-    from qsmooth.metrics import HIGHER_IS_BETTER
-
-    name, sign, value = text.partition("=")
-    metric = name.strip().replace("-", "_")
-    if not sign or metric not in HIGHER_IS_BETTER:
-        raise ValueError(
-            f"{option} takes METRIC=VALUE with a metric out of {', '.join(HIGHER_IS_BETTER)}, "
-            f"got '{text}'"
-        )
-    try:
-        limit = float(value)
-    except ValueError:
-        limit = math.nan
-    if not math.isfinite(limit):
-        raise ValueError(f"{option} {metric} needs a number, got '{value}'")
-    return metric, limit
-
-
-def _check(measured: Quality, metric: str, limit: float, below: bool) -> dict[str, Any]:
-    """Hold every cell to a limit."""
-    from qsmooth.report import METRIC_WORDS, metric_text
-
-    values = getattr(measured, metric)
-    bad = values < limit if below else values > limit
-    cell = int(values.argmin() if below else values.argmax())
-    found = f"cell {cell} has {metric_text(metric, float(values[cell]))}"
-    what = f"{METRIC_WORDS[metric]} {'below' if below else 'above'} {limit:g}"
-    n_bad = int(bad.sum())
-    text = f"no cell has its {what}; {found}" if metric.endswith("angle") else f"no {what}; {found}"
-    if n_bad:
-        text = f"{plural(n_bad, 'cell')} of {len(values)} with the {what}; the worst: {found}"
-    return {
-        "metric": metric,
-        "rule": "below" if below else "above",
-        "limit": limit,
-        "n_failed": n_bad,
-        "worst_cell": cell,
-        "worst_value": float(values[cell]),
-        "passed": n_bad == 0,
-        "text": text,
-    }
-
-
-def _check_validity(measured: Quality) -> dict[str, Any]:
-
-    bad = measured.validity.nonzero()[0]
-    text = "no cell is not valid"
-    if len(bad):
-        text = f"{plural(len(bad), 'cell')} of {len(measured.validity)} not valid"
-        text += f"; the first: cell {bad[0]}"
-    return {
-        "metric": "validity",
-        "rule": "invalid",
-        "limit": None,
-        "n_failed": len(bad),
-        "worst_cell": int(bad[0]) if len(bad) else None,
-        "worst_value": None,
-        "passed": not len(bad),
-        "text": text,
-    }
-
-
 def _write_json(path: Path | None, facts: dict[str, Any]) -> bool:
     """Write facts as JSON; True if that went to standard output in place of the tables."""
-    from qsmooth.report import finite
+    from qsmooth._json import finite
 
     if path is None:
         return False
@@ -1180,7 +1118,7 @@ def _width() -> int | None:
 
 
 def _print(text: str) -> None:
-    from qsmooth.report import plain
+    from qsmooth.table import plain
 
     try:
         sys.stdout.write(plain(text, sys.stdout.encoding) + "\n")

@@ -7,7 +7,6 @@ line, its help and the checks are all made from its fields.
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import functools
 import math
 import re
@@ -18,6 +17,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 import numpy as np
+
+from qsmooth._words import did_you_mean
 
 _METADATA = "qsmooth"
 _NUMBER = r"\s*([-+]?(?:[\d.]+(?:e[-+]?\d+)?|inf))\s*"
@@ -218,12 +219,6 @@ class Options:
             for name, spec in self.specs().items()
             if not _same(getattr(self, name), spec.default)
         }
-
-
-def did_you_mean(name: str, names: Iterable[str]) -> str:
-    """Ask for the nearest of the names, as the end of a message; "" where none is near."""
-    near = difflib.get_close_matches(str(name), list(names), n=1, cutoff=0.6)
-    return f"; did you mean {near[0]!r}?" if near else ""
 
 
 def one_of(values: Iterable[Any]) -> str:

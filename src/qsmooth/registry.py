@@ -8,8 +8,8 @@ import pkgutil
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from qsmooth._words import did_you_mean
 from qsmooth.methods.base import Method
-from qsmooth.options import did_you_mean
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

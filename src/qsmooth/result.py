@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from qsmooth._types import FloatArray
+from qsmooth._words import did_you_mean
 from qsmooth.mesh import Mesh
 from qsmooth.metrics import Summary
-from qsmooth.options import did_you_mean
 from qsmooth.outcome import Outcome
 from qsmooth.wording import reason
 

@@ -11,8 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from qsmooth._types import BoolArray
+from qsmooth._words import did_you_mean
 from qsmooth.mesh import Mesh
-from qsmooth.metrics import HIGHER_IS_BETTER, quality
+from qsmooth.metrics import METRICS, quality
 
 _COMPARE: dict[str, Callable[[Any, Any], Any]] = {
     "<": operator.lt,
@@ -20,7 +21,7 @@ _COMPARE: dict[str, Callable[[Any, Any], Any]] = {
     ">": operator.gt,
     ">=": operator.ge,
 }
-_THRESHOLD = re.compile(r"\s*(\w+)\s*(<=|>=|<|>)\s*(\S+)\s*")
+_THRESHOLD = re.compile(r"\s*([\w-]+)\s*(<=|>=|<|>)\s*(\S+)\s*")
 
 
 def parse_threshold(text: str) -> tuple[str, str, float]:
@@ -32,15 +33,24 @@ def parse_threshold(text: str) -> tuple[str, str, float]:
         If it does not read like that.
     """
     match = _THRESHOLD.fullmatch(text)
-    if match is not None and match[1] in HIGHER_IS_BETTER:
-        try:
-            return match[1], match[2], float(match[3])
-        except ValueError:
-            pass
-    raise ValueError(
-        "selection must be cells or a threshold such as 'max_angle > 150' on one of "
-        f"{', '.join(HIGHER_IS_BETTER)}; got {text!r}"
-    )
+    if match is None:
+        raise ValueError(
+            "selection must be cells or a threshold such as 'max_angle > 150' on one of "
+            f"{', '.join(METRICS)}; got {text!r}"
+        )
+    name, comparison, number = match.groups()
+    if name.replace("-", "_") not in METRICS:
+        raise ValueError(
+            "selection must be cells or a threshold such as 'max_angle > 150' on one of "
+            f"{', '.join(METRICS)}; got {text!r}{did_you_mean(name, METRICS)}"
+        )
+    try:
+        return name.replace("-", "_"), comparison, float(number)
+    except ValueError:
+        raise ValueError(
+            f"selection must be cells or a threshold such as 'max_angle > 150', and {number!r} is "
+            "no number"
+        ) from None
 
 
 def select_cells(mesh: Mesh, selection: npt.ArrayLike | str, rings: int = 0) -> BoolArray:
@@ -50,7 +60,7 @@ def select_cells(mesh: Mesh, selection: npt.ArrayLike | str, rings: int = 0) -> 
     ----------
     selection
         Cell ids, a boolean mask over the cells, or a threshold such as ``"max_angle > 150"`` or
-        ``"scaled_jacobian <= 0.2"``.
+        ``"scaled_jacobian <= 0.2"``, on any metric; a cell that it is not defined for stays out.
     rings
         How often the selection grows by all cells that share a vertex with it.
 
@@ -64,8 +74,8 @@ def select_cells(mesh: Mesh, selection: npt.ArrayLike | str, rings: int = 0) -> 
         If `selection` is none of these, or has ids that are no cells.
     """
     if isinstance(selection, str):
-        metric, comparison, limit = parse_threshold(selection)
-        marked: BoolArray = np.asarray(_COMPARE[comparison](getattr(quality(mesh), metric), limit))
+        name, comparison, threshold = parse_threshold(selection)
+        marked: BoolArray = np.asarray(_COMPARE[comparison](quality(mesh)[name], threshold))
     else:
         marked = _marked(np.asarray(selection), mesh.n_cells)
     for _ in range(rings):

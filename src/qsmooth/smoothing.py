@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from qsmooth.mesh import MeshLike, as_mesh
+from qsmooth.adapters import to_mesh
 from qsmooth.methods.base import Method
 from qsmooth.registry import all_methods, choose, method_class, methods
 from qsmooth.result import SmoothResult
 
 
-def smooth(mesh: MeshLike, method: str | Method = "auto", **options: Any) -> SmoothResult:
+def smooth(mesh: Any, method: str | Method = "auto", **options: Any) -> SmoothResult:
     """Make a mesh better by moving its vertices; the cells stay as they are.
 
     Parameters
     ----------
     mesh
-        A `Mesh`, or a pair ``(points, cells)``. It is not changed.
+        A `Mesh`, a pair ``(points, cells)``, or a mesh of meshio. It is not changed.
     method
         A name, as in ``smooth(mesh, "star", step=0.3)``, or a method with its options, as in
         ``smooth(mesh, Star(step=0.3))``, which is the same: ``"optimize"``, ``"star"``,
@@ -44,16 +44,16 @@ def smooth(mesh: MeshLike, method: str | Method = "auto", **options: Any) -> Smo
         If a pair is no mesh.
     """
     method, chosen = _chosen(method, options)
-    return method.run(as_mesh(mesh), chosen)
+    return method.run(to_mesh(mesh), chosen)
 
 
-def untangle(mesh: MeshLike, **options: Any) -> SmoothResult:
+def untangle(mesh: Any, **options: Any) -> SmoothResult:
     """Make an invalid mesh valid by moving vertices, and stop there; see `Untangle`.
 
     Parameters
     ----------
     mesh
-        A `Mesh`, or a pair ``(points, cells)``. It is not changed.
+        A `Mesh`, a pair ``(points, cells)``, or a mesh of meshio. It is not changed.
     options
         ``max_sweeps`` (20,000), ``time_limit``, ``selection``, ``selection_rings``,
         ``keep_interfaces``, ``threads``, ``callback``.
@@ -72,18 +72,18 @@ def untangle(mesh: MeshLike, **options: Any) -> SmoothResult:
     MeshError
         If a pair is no mesh.
     """
-    return all_methods()["untangle"].of(options).run(as_mesh(mesh))
+    return all_methods()["untangle"].of(options).run(to_mesh(mesh))
 
 
 def compare(
-    mesh: MeshLike, names: Iterable[str | Method] | None = None, **options: Any
+    mesh: Any, names: Iterable[str | Method] | None = None, **options: Any
 ) -> tuple[dict[str, SmoothResult], dict[str, str]]:
     """Smooth a mesh with several methods, each from the same start.
 
     Parameters
     ----------
     mesh
-        A `Mesh`, or a pair ``(points, cells)``.
+        A `Mesh`, a pair ``(points, cells)``, or a mesh of meshio.
     names
         Methods, by name or with options; all by default.
     options
@@ -101,7 +101,7 @@ def compare(
     ValueError, TypeError, MeshError
         As in `smooth`; an option that none of the methods has is a TypeError.
     """
-    mesh = as_mesh(mesh)
+    mesh = to_mesh(mesh)
     chosen = configured(methods() if names is None else names, options)
     skipped = {method.name: why for method in chosen if (why := method.why_not(mesh))}
     if len(chosen) == 1:

@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 from qsmooth._words import plural
 from qsmooth.outcome import Aim, Invalid, Outcome, Stage, Stop
-
-if TYPE_CHECKING:
-    from qsmooth.metrics import Limits
 
 UNCHANGED = "already as good as this method gets: unchanged"
 
@@ -36,22 +32,8 @@ def reason(outcome: Outcome, *, spell: Callable[[str], str] = str, limits: bool 
     parts += [*_done(outcome), *_given_up(outcome, spell), *_why(outcome, spell)]
     parts += _not_valid(outcome)
     if limits and outcome.limits is not None:
-        parts += limits_lines(outcome.limits)
+        parts += str(outcome.limits).splitlines()
     return "; ".join(parts)
-
-
-def limits_lines(limits: Limits) -> list[str]:
-    """Say how near to their bounds the smallest and the largest angle are."""
-    return [
-        f"smallest angle {limits.reached_min_angle:.2f}°; no placement of this connectivity "
-        f"can exceed {limits.min_angle:.2f}°{_set_at(limits.min_angle_vertex)}",
-        f"largest angle {limits.reached_max_angle:.2f}°; no placement of this connectivity "
-        f"can go below {limits.max_angle:.2f}°{_set_at(limits.max_angle_vertex)}",
-    ]
-
-
-def _set_at(vertex: int) -> str:
-    return f"; set at vertex {vertex}" if vertex >= 0 else ", the mean angle of a cell"
 
 
 def _done(outcome: Outcome) -> list[str]:

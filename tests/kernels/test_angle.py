@@ -8,7 +8,7 @@ import pytest
 import reference
 import reference_triangles
 from meshes import KINDS, grid, random_mesh
-from qsmooth import Mesh, smooth, smooth_angle, smooth_laplacian
+from qsmooth import Mesh, smooth, smooth_angle, smooth
 from qsmooth.kernels.angle import onto_bisector
 
 DIAMOND = [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 1)]
@@ -44,21 +44,21 @@ def test_no_bisector_without_a_length(zero):
 def test_one_vertex_in_four_triangles(d, guard):
     # Left and right it is on its bisectors and stays; from above and below it comes to x = 0, and
     # what these two do to y cancels.
-    result = smooth_angle(Mesh([(d, 0.0), *RIM], DIAMOND), max_sweeps=1, guard=guard)
+    result = smooth(Mesh([(d, 0.0), *RIM], DIAMOND), "angle", max_sweeps=1, guard=guard)
     assert result.points[0] == pytest.approx((0.5 * d, 0.0), abs=1e-15)
 
 
 @pytest.mark.nojit
 @pytest.mark.parametrize("guard", ["none", "quality"])
 def test_one_vertex_in_four_quads_turns_about_its_neighbours_only(guard):
-    result = smooth_angle(four_squares((1.3, 1.0)), max_sweeps=1, guard=guard)
+    result = smooth(four_squares((1.3, 1.0)), "angle", max_sweeps=1, guard=guard)
     assert result.points[4] == pytest.approx((1.15, 1.0), abs=1e-15)
 
 
 @pytest.mark.nojit
 def test_one_vertex_at_the_centroid_of_its_star():
     # Whatever the vertex's place, that of the square is its centre.
-    result = smooth_laplacian(four_squares((1.4, 0.7)), max_sweeps=1, weights="area")
+    result = smooth(four_squares((1.4, 0.7)), "laplacian", max_sweeps=1, weights="area")
     assert result.points[4] == pytest.approx((1.0, 1.0), abs=1e-15)
     # An isosceles triangle cut from inside: a third of its height, where the mean is too.
     points = [(0.1, 0.3), (-1.0, 0.0), (1.0, 0.0), (0.0, 3.0)]
@@ -106,7 +106,7 @@ def test_whole_meshes_agree_with_the_reference(kind, method, guard):
 
 @pytest.mark.nojit
 def test_the_step_is_a_share_of_the_way():
-    result = smooth_angle(Mesh([(0.4, 0.0), *RIM], DIAMOND), max_sweeps=1, step=0.5)
+    result = smooth(Mesh([(0.4, 0.0), *RIM], DIAMOND), "angle", max_sweeps=1, step=0.5)
     assert result.points[0] == pytest.approx((0.3, 0.0), abs=1e-15)
 
 

@@ -47,7 +47,7 @@ def test_one_vertex_in_four_triangles(step):
     # From (½, 0) only the two triangles at (1, 0) have a ratio over 1.5. Each circle has its centre
     # at (¾, ±¾) and the radius √⅝; the upper one goes from −(180° − atan 3) to −135°.
     mesh = Mesh([(0.5, 0.0), *RIM], DIAMOND)
-    result = smooth_aspect_ratio(mesh, max_edge_ratio=1.5, step=step, max_sweeps=1)
+    result = smooth(mesh, "aspect-ratio", max_edge_ratio=1.5, step=step, max_sweeps=1)
     start, end = math.atan(3.0) - math.pi, -0.75 * math.pi
     x = 0.75 + math.sqrt(0.625) * math.cos(start + step * (end - start))
     assert result.points[0] == pytest.approx((x, 0.0), abs=1e-14)
@@ -57,7 +57,7 @@ def test_one_vertex_in_four_triangles(step):
 @pytest.mark.nojit
 def test_ratios_within_the_threshold_rest():
     mesh = Mesh([(0.1, 0.0), *RIM], DIAMOND)
-    result = smooth_aspect_ratio(mesh, max_edge_ratio=1.5)
+    result = smooth(mesh, "aspect-ratio", max_edge_ratio=1.5)
     assert result.points.tobytes() == mesh.points.tobytes()
     assert result.converged
 

@@ -12,6 +12,7 @@ from meshes import KINDS, grid, random_mesh
 from qsmooth import Mesh
 from qsmooth.kernels import guards
 from qsmooth.kernels.quad import guarded_commit
+from qsmooth.kernels.stars import Moves, centre_of
 
 pytestmark = pytest.mark.nojit
 
@@ -38,13 +39,8 @@ def test_tolerated_loss_of_a_point_is_16_spacings(largest):
 
 
 def commit(mesh, step):
-    schedule = mesh.topology.schedule(True)
-    xy = mesh.xy.copy()
-    moves, shares = np.empty((2, 1))
-    guarded_commit(
-        xy, schedule.colour_offsets, schedule.vertices, schedule.offsets, schedule.corners,
-        np.array([step]), math.nan, schedule.largest_star, moves, shares,
-    )  # fmt: skip
+    xy, moves = mesh.xy.copy(), Moves(*np.empty((2, 1)))
+    guarded_commit(xy, mesh.topology.schedule(True), (0, 1), np.array([step]), math.nan, moves)
     return xy[4] - mesh.xy[4]
 
 
@@ -65,12 +61,10 @@ def test_lines_and_clearance_are_those_of_the_reference(kind):
     mesh = random_mesh(kind, 5, seed=8, amount=1.0, turned=0.5, shift=(-3.0, 100.0)).mesh
     schedule = mesh.topology.schedule(True)
     points, cells = reference.as_complex(mesh.xy), reference.as_lists(mesh)
-    lines = np.empty((3 * schedule.largest_star, 3))
+    lines = np.empty((3 * schedule.largest, 3))
     for i, v in enumerate(schedule.vertices.tolist()):
-        first, last = schedule.offsets[i], schedule.offsets[i + 1]
-        n, longest, shortest, largest = guards.guard_lines(
-            mesh.xy, v, schedule.corners, first, last, lines
-        )
+        centre = centre_of(schedule.vertices, schedule.offsets, i)
+        n, longest, shortest, largest = guards.guard_lines(mesh.xy, schedule.corners, centre, lines)
         expected = reference.guard_lines(points, v, cells)
         assert n == len(expected)
         found = guards.clearance(lines, n)
@@ -88,7 +82,8 @@ def test_a_line_of_no_length_is_left_out():
     mesh = Mesh(points, cells)
     schedule = mesh.topology.schedule(True)
     lines = np.empty((12, 3))
-    n, *_ = guards.guard_lines(mesh.xy, 4, schedule.corners, 0, 4, lines)
+    centre = centre_of(schedule.vertices, schedule.offsets, 0)
+    n, *_ = guards.guard_lines(mesh.xy, schedule.corners, centre, lines)
     assert (
         n
         == 11

@@ -5,7 +5,7 @@ import pytest
 
 import reference
 from meshes import KINDS, fan, grid, random_mesh
-from qsmooth import Mesh, smooth, smooth_laplacian
+from qsmooth import Mesh, smooth, smooth
 
 
 def agree(mesh, xy, expected):
@@ -28,7 +28,7 @@ def test_centre_goes_to_the_mean_of_its_ring(method):
 def test_all_at_once_and_not_one_after_the_other():
     points, cells = grid(3, 2)  # two interior vertices, 5 and 6
     points[5] = (1.0, 1.4)
-    result = smooth_laplacian(Mesh(points, cells), max_sweeps=1)
+    result = smooth(Mesh(points, cells), "laplacian", max_sweeps=1)
     assert result.points[5] == pytest.approx((1.0, 1.0), abs=1e-15)
     assert result.points[6] == pytest.approx((2.0, 1.1), abs=1e-15)
 
@@ -38,7 +38,7 @@ def test_all_at_once_and_not_one_after_the_other():
 def test_any_valence_reaches_the_mean_in_one_sweep(valence):
     points, cells = fan(valence, "triangle")
     points[1:] *= 1.0 + 0.1 * np.cos(2.1 * np.arange(valence))[:, None]
-    result = smooth_laplacian((points, cells), max_sweeps=1)
+    result = smooth((points, cells), "laplacian", max_sweeps=1)
     np.testing.assert_allclose(result.points[0], points[1:].mean(axis=0), atol=1e-15)
     np.testing.assert_array_equal(result.points[1:], points[1:])
 

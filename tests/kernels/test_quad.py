@@ -8,36 +8,32 @@ import pytest
 import reference
 from meshes import KINDS, grid, random_mesh
 from qsmooth import Mesh, smooth
-from qsmooth.kernels.moves import thresholds
+from qsmooth.kernels.proposals import thresholds
 from qsmooth.kernels.quad import guarded_commit, quad_proposals
+from qsmooth.kernels.stars import Moves
 
 ROOT2 = math.sqrt(2.0)
 
 
 def propose(mesh, *, step=0.5, active=None, angles=(120.0, 60.0, 90.0, 45.0)):
     """Displacements that a sweep wants, of the movable vertices."""
-    schedule = mesh.topology.schedule(True)
-    mask = np.ones(mesh.n_cells, np.bool_)
+    stars = mesh.topology.schedule(True)
+    pace = np.ones(mesh.n_cells)
     if active is not None:
-        mask[:] = False
-        mask[active] = True
-    wanted = np.full((schedule.vertices.size, 2), np.nan)
-    quad_proposals(
-        mesh.xy, schedule.vertices, schedule.offsets, schedule.corners, schedule.cells, mask,
-        thresholds(*angles), step, schedule.largest_star, wanted,
-    )  # fmt: skip
+        pace[:] = 0.0
+        pace[active] = 1.0
+    wanted = np.full((stars.vertices.size, 2), np.nan)
+    quad_proposals(mesh.xy, stars, pace, thresholds(*angles), step, wanted)
     return wanted
 
 
 def commit(mesh, wanted, *, good=math.nan):
-    schedule = mesh.topology.schedule(True)
+    stars = mesh.topology.schedule(True)
     xy = mesh.xy.copy()
-    moves, shares = np.full((2, schedule.vertices.size), np.nan)
-    guarded_commit(
-        xy, schedule.colour_offsets, schedule.vertices, schedule.offsets, schedule.corners,
-        np.array(wanted, dtype=float), good, schedule.largest_star, moves, shares,
-    )  # fmt: skip
-    return xy, moves, shares
+    moves = Moves(*np.full((2, stars.vertices.size), np.nan))
+    colours = 0, stars.colour_offsets.size - 1
+    guarded_commit(xy, stars, colours, np.array(wanted, dtype=float), good, moves)
+    return xy, moves.lengths, moves.shares
 
 
 def agree(mesh, xy, expected):

@@ -9,26 +9,27 @@ import pytest
 import reference
 from meshes import KINDS, grid, random_mesh
 from qsmooth import Mesh, smooth
-from qsmooth.kernels.moves import thresholds
+from qsmooth.kernels.proposals import thresholds
 from qsmooth.kernels.star import star_sweep
+from qsmooth.kernels.stars import Moves
 
 ROOT2 = math.sqrt(2.0)
 
 
-def sweep(mesh, *, step=0.5, good=math.nan, active=None, angles=(120.0, 60.0, 90.0, 45.0)):
+def sweep(
+    mesh, *, step=0.5, good=math.nan, active=None, angles=(120.0, 60.0, 90.0, 45.0), colours=None
+):
     """Run one sweep; returns new coordinates, moves and shares of the movable vertices."""
-    schedule = mesh.topology.schedule(True)
+    stars = mesh.topology.schedule(True)
     xy = mesh.xy.copy()
-    moves, shares = np.full((2, schedule.vertices.size), np.nan)
-    mask = np.ones(mesh.n_cells, np.bool_)
+    moves = Moves(*np.full((2, stars.vertices.size), np.nan))
+    pace = np.ones(mesh.n_cells)
     if active is not None:
-        mask[:] = False
-        mask[active] = True
-    star_sweep(
-        xy, schedule.colour_offsets, schedule.vertices, schedule.offsets, schedule.corners,
-        schedule.cells, mask, thresholds(*angles), step, good, schedule.largest_star, moves, shares,
-    )  # fmt: skip
-    return xy, moves, shares
+        pace[:] = 0.0
+        pace[active] = 1.0
+    for some in colours or [(0, stars.colour_offsets.size - 1)]:
+        star_sweep(xy, stars, some, pace, thresholds(*angles), step, good, moves)
+    return xy, moves.lengths, moves.shares
 
 
 def four_squares(centre, **outer):
@@ -91,6 +92,35 @@ def test_a_pull_needs_the_height_and_not_only_the_angle():
     mesh = Mesh(points, [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 1)])
     xy, *_ = sweep(mesh, active=[0])
     assert xy[0] == pytest.approx((1.75, 0.5), abs=1e-15)
+
+
+@pytest.mark.nojit
+def test_colours_one_by_one_are_the_whole_sweep_to_the_bit():
+    mesh = random_mesh("mixed", 4, seed=7, amount=0.9).mesh
+    n_colours = mesh.topology.schedule(True).colour_offsets.size - 1
+    assert n_colours > 2
+    steps = [(k, k + 1) for k in range(n_colours)]
+    for one, many in zip(sweep(mesh), sweep(mesh, colours=steps), strict=True):
+        assert one.tobytes() == many.tobytes()
+    # A part of the colours leaves the vertices of the others, and what was said of them, alone.
+    stars = mesh.topology.schedule(True)
+    xy, moves, shares = sweep(mesh, colours=[(1, 2)])
+    start, stop = stars.colour_offsets[1], stars.colour_offsets[2]
+    others = np.delete(stars.vertices, np.arange(start, stop))
+    assert np.array_equal(xy[others], mesh.xy[others])
+    assert np.array_equal(np.flatnonzero(~np.isnan(moves)), np.arange(start, stop))
+    assert np.array_equal(np.flatnonzero(~np.isnan(shares)), np.arange(start, stop))
+
+
+@pytest.mark.nojit
+def test_a_pace_scales_the_step_of_a_cell():
+    mesh = four_squares((0.75, 0.75))
+    slow, *_ = sweep(mesh, step=0.25)
+    stars, xy = mesh.topology.schedule(True), mesh.xy.copy()
+    moves = Moves(*np.empty((2, 1)))
+    angles = thresholds(120.0, 60.0, 90.0, 45.0)
+    star_sweep(xy, stars, (0, 1), np.full(4, 0.5), angles, 0.5, math.nan, moves)
+    assert np.array_equal(xy, slow)
 
 
 @pytest.mark.nojit

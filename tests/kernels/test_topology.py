@@ -10,7 +10,7 @@ import reference
 from meshes import KINDS, annulus, fan, grid, random_mesh, random_meshes, renumber, turn_cells
 from qsmooth import Mesh
 from qsmooth.kernels import topology
-from qsmooth.kernels.topology import NO_VERTEX
+from qsmooth.kernels.stars import NO_VERTEX
 
 
 def rows(offsets, values):
@@ -77,7 +77,7 @@ def test_star_table_holds_the_other_corners_in_order(kind):
             expected = others if len(others) == 3 else [others[0], int(NO_VERTEX), others[1]]
             assert row.tolist() == expected
     sizes = np.diff(schedule.offsets)
-    assert schedule.largest_star == sizes.max()
+    assert schedule.largest == sizes.max()
     assert schedule.vertices.dtype == schedule.corners.dtype == schedule.cells.dtype == np.uint32
 
 
@@ -90,7 +90,7 @@ def test_a_hub_of_many_cells_is_sorted_and_coloured():
     hub = new_of[0]
     ring = rows(mesh.ring_offsets, mesh.ring_vertices)[hub]
     assert ring == [v for v in range(61) if v != hub]
-    assert mesh.topology.schedule(True).largest_star == 60
+    assert mesh.topology.schedule(True).largest == 60
 
 
 @pytest.mark.nojit

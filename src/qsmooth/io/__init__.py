@@ -1,9 +1,9 @@
 """Reading and writing mesh files.
 
-A format is a module of this package with five names: ``NAME``, ``ENDINGS``, ``HOLDS`` (what it can
+A format is a module of this package with six names: ``NAME``, ``ENDINGS``, ``HOLDS`` (what it can
 keep besides points, triangles and quads), ``sniff`` (does a file begin like one of its own),
-``read`` and ``write``; it is listed in ``FORMATS`` below. All else that meshio reads comes through
-it, checked.
+``read`` and ``write``; `registry` finds it, and says what else it may have. All else that meshio
+reads comes through it, checked.
 
 A file is written back in its own format by putting the coordinates that changed in place of the
 old ones; every other byte stays.
@@ -14,57 +14,30 @@ from __future__ import annotations
 import os
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from qsmooth.errors import MeshError, MeshWarning
-from qsmooth.io import abaqus, bridge, gmsh, medit, mfem, obj, off, ply, su2, ucd, vtk, vtu
-from qsmooth.io.document import Document, of_mesh
+from qsmooth.io import via_meshio
+from qsmooth.io.file_content import FileContent, of_mesh
 from qsmooth.io.files import read_bytes, write_bytes
+from qsmooth.io.registry import Format, named, own_formats, replaced, with_ending
 
 if TYPE_CHECKING:
-    import meshio
-
     from qsmooth.mesh import Mesh, MeshLike, Surface
 
-__all__ = ["format_of", "formats", "from_meshio", "read_mesh", "to_meshio", "write_mesh"]
+__all__ = ["format_of", "formats", "own_formats", "read_mesh", "write_mesh"]
 
 PathLike: TypeAlias = str | os.PathLike[str]
 
 HEAD = 1 << 16  # bytes that tell a format; comments may come first
 
 
-class Format(Protocol):
-    """What the module of a format has."""
-
-    @property
-    def NAME(self) -> str: ...  # noqa: N802
-    @property
-    def ENDINGS(self) -> tuple[str, ...]: ...  # noqa: N802
-    @property
-    def HOLDS(self) -> frozenset[str]: ...  # noqa: N802
-
-    def sniff(self, head: bytes) -> bool:
-        """Whether a file that begins with `head` is of this format."""
-        ...
-
-    def read(self, data: bytes) -> Document:
-        """The mesh in these bytes; MeshError where there is none."""
-        ...
-
-    def write(self, document: Document) -> bytes:
-        """The bytes of a new file."""
-        ...
-
-
-# Where an ending has several formats, the first is the one written.
-FORMATS: tuple[Format, ...] = (off, gmsh, vtk, vtu, obj, ply, su2, abaqus, ucd, medit, mfem)
-
-
 def formats() -> dict[str, tuple[str, ...]]:
     """Names of all formats, with their endings: qsmooth's own first, then meshio's."""
-    return {form.NAME: form.ENDINGS for form in FORMATS} | bridge.formats()
+    own = sorted(own_formats(), key=lambda form: form.NAME)
+    return {form.NAME: form.ENDINGS for form in own} | via_meshio.formats(replaced())
 
 
 def read_mesh(path: PathLike, *, surface: Surface = "auto", format: str | None = None) -> Mesh:
@@ -86,15 +59,15 @@ def read_mesh(path: PathLike, *, surface: Surface = "auto", format: str | None =
     """
     path = Path(path)
     try:
-        document = _read(path, format)
-        document.ending = path.suffix.lower()
-        mesh = document.to_mesh(surface)
+        content = _read(path, format)
+        content.ending = path.suffix.lower()
+        mesh = content.to_mesh(surface)
     except MeshError as error:
         message = str(error)
         if str(path) not in message:
             message = f"cannot read '{path}': {message}"
         raise MeshError(message) from error.__cause__
-    for note in document.notes:
+    for note in content.notes:
         warnings.warn(f"'{path}': {note}", MeshWarning, stacklevel=2)
     return mesh
 
@@ -123,20 +96,20 @@ def write_mesh(path: PathLike, mesh: MeshLike, *, format: str | None = None) -> 
     from qsmooth.mesh import as_mesh
 
     path, mesh = Path(path), as_mesh(mesh)
-    source = mesh.source if isinstance(mesh.source, Document) else None
+    source = mesh.source if isinstance(mesh.source, FileContent) else None
     name = format_of(path, mesh, format=format)
     same_format = source is not None and source.format == name
     lost: list[str] = []
-    if same_format and source is not None and source.data and _can_splice(source, mesh):
-        write_bytes(path, _spliced(source, mesh))
-    elif form := _own(name):
-        document = of_mesh(mesh)
-        data = form.write(document)
-        lost = document.losses(form.HOLDS)
+    if same_format and source is not None and source.data and _can_write_in_place(source, mesh):
+        write_bytes(path, _written_in_place(source, mesh))
+    elif form := named(name):
+        content = of_mesh(mesh)
+        data = form.write(content)
+        lost = content.losses(form.HOLDS)
         write_bytes(path, data)
     else:
-        document = of_mesh(mesh)
-        lost = bridge.write(document, path, name) + list(document.extras)
+        content = of_mesh(mesh)
+        lost = via_meshio.write(content, path, name) + list(content.extras)
     if lost:
         warnings.warn(
             f"'{path}': format {name} cannot hold {'; '.join(lost)}", MeshWarning, stacklevel=2
@@ -152,71 +125,61 @@ def format_of(path: PathLike, mesh: Mesh, *, format: str | None = None) -> str:
         If there is none, or no such one.
     """
     path = Path(path)
-    source = mesh.source if isinstance(mesh.source, Document) else None
+    source = mesh.source if isinstance(mesh.source, FileContent) else None
     name = format or _name_for(path, source)
     if name not in formats():
         raise MeshError(f"cannot write '{path}': unknown format {name!r}, known are {_known()}")
     return name
 
 
-def from_meshio(meshio_mesh: meshio.Mesh, *, surface: Surface = "auto") -> Mesh:
-    """Mesh of the triangles and quads of a mesh of meshio; everything else is carried along."""
-    return bridge.from_meshio(meshio_mesh).to_mesh(surface)
-
-
-def to_meshio(mesh: Mesh) -> meshio.Mesh:
-    """The mesh for meshio, with everything its file or its meshio mesh held."""
-    return bridge.to_meshio(of_mesh(mesh))
-
-
-def _read(path: Path, name: str | None) -> Document:
+def _read(path: Path, name: str | None) -> FileContent:
     data = read_bytes(path)
     if not data.strip():
         raise MeshError("the file is empty")
     # A byte order mark is no part of the mesh; blank, so that every other byte stays in place.
     clean = b"   " + data[3:] if data.startswith(b"\xef\xbb\xbf") else data
-    form = _by_content(path, clean[:HEAD].lstrip()) if name is None else _own(name) or name
+    form = _by_content(path, clean[:HEAD].lstrip()) if name is None else named(name) or name
     if isinstance(form, str):
-        if form not in bridge.formats():
+        if form not in via_meshio.formats(replaced()):
             raise MeshError(f"unknown format {form!r}, known are {_known()}")
-        document = bridge.read(path, form)
+        content = via_meshio.read(path, form)
         # Kept to write an unchanged mesh as it was; of no use where a second file belongs to it.
-        document.data = b"" if form in bridge.SEVERAL_FILES else data
-        return document
+        content.data = b"" if form in via_meshio.SEVERAL_FILES else data
+        return content
     try:
-        document = form.read(clean)
+        content = form.read(clean)
     except MeshError:
         raise
     except Exception as error:  # a file can be wrong in more ways than a reader checks
         raise MeshError(f"no valid file of format {form.NAME} ({error!r})") from error
-    document.format, document.data = form.NAME, data
-    return document
+    content.format, content.data = form.NAME, data
+    return content
 
 
 def _by_content(path: Path, head: bytes) -> Format | str:
     """The format of a file that begins so: its module, or meshio's name for it."""
-    claiming = [form for form in FORMATS if path.suffix.lower() in form.ENDINGS]
-    fitting = [form for form in claiming or FORMATS if form.sniff(head)]
+    claiming = with_ending(path.suffix.lower())
+    fitting = [form for form in claiming or own_formats() if form.sniff(head)]
     if fitting and claiming:
         return fitting[0]
-    foreign = bridge.names(path)
+    foreign = via_meshio.names(path, replaced())
     if foreign and (not claiming or head[:1] == b"("):  # .msh is ANSYS's too
         return foreign[0]
     if fitting:
         return fitting[0]
     if not claiming:
         raise MeshError(f"unknown format: ending {path.suffix!r}, known are {_known()}")
-    others = [form.NAME for form in FORMATS if form.sniff(head)]
+    others = [form.NAME for form in own_formats() if form.sniff(head)]
     hint = f"; it looks like {others[0]}: say so with format={others[0]!r}" if others else ""
     wanted = " or ".join(form.NAME for form in claiming)
     raise MeshError(f"this is no file of format {wanted}: it begins with {head[:30]!r}{hint}")
 
 
-def _name_for(path: Path, source: Document | None) -> str:
+def _name_for(path: Path, source: FileContent | None) -> str:
     """Name of the format to write a file of this ending in."""
     ending = path.suffix.lower()
-    claiming = [form.NAME for form in FORMATS if ending in form.ENDINGS]
-    names = claiming or bridge.names(path)
+    claiming = [form.NAME for form in with_ending(ending)]
+    names = claiming or via_meshio.names(path, replaced())
     if source is not None and source.format:
         # An ending that says nothing is the one it was read from, or left out.
         says_nothing = not names and ending in ("", source.ending)
@@ -227,19 +190,15 @@ def _name_for(path: Path, source: Document | None) -> str:
     return names[0]
 
 
-def _own(name: str) -> Format | None:
-    return next((form for form in FORMATS if name == form.NAME), None)
-
-
 def _known() -> str:
     return ", ".join(formats())
 
 
-def _can_splice(source: Document, mesh: Mesh) -> bool:
+def _can_write_in_place(source: FileContent, mesh: Mesh) -> bool:
     return source.slots is not None or np.array_equal(source.points, mesh.points)
 
 
-def _spliced(source: Document, mesh: Mesh) -> bytes:
+def _written_in_place(source: FileContent, mesh: Mesh) -> bytes:
     if source.slots is None:
         return source.data
     return source.slots.write(source.data, source.points, np.asarray(mesh.points))

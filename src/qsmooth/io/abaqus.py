@@ -10,12 +10,13 @@ import numpy as np
 
 from qsmooth._types import IndexArray
 from qsmooth.errors import MeshError
-from qsmooth.io.document import FACES, Block, Document
-from qsmooth.io.splice import joined
+from qsmooth.io.file_content import FACES, Block, FileContent
+from qsmooth.io.in_place import joined
 from qsmooth.io.text import Text, blanked, finish, line_of, positions, rows_of
 
 NAME = "abaqus"
 ENDINGS = (".inp",)
+PRIORITY = 1  # .inp is UCD's too
 HOLDS = frozenset(("z", "line", "regions", "names", "point_sets", "cell_sets"))
 
 # Families of two-dimensional elements; the digits that follow are the number of nodes.
@@ -39,9 +40,9 @@ def sniff(head: bytes) -> bool:
     return re.match(rb"\s*\*[*A-Za-z]", head) is not None
 
 
-def read(data: bytes) -> Document:
+def read(data: bytes) -> FileContent:
     """Read Abaqus; element sets that divide the elements become regions."""
-    return _Reader(data).document()
+    return _Reader(data).content()
 
 
 class _Reader:
@@ -63,7 +64,7 @@ class _Reader:
         self.sets: dict[str, dict[str, list[IndexArray]]] = {"NSET": {}, "ELSET": {}}
         self.others: list[str] = []
 
-    def document(self) -> Document:
+    def content(self) -> FileContent:
         parts: set[str] = set()
         in_assembly = False
         sections = list(_sections(self.clean))
@@ -194,7 +195,7 @@ class _Reader:
         if name := options.get(key):
             self.sets[key].setdefault(name.upper(), []).append(ids)
 
-    def assemble(self) -> Document:
+    def assemble(self) -> FileContent:
         ids = np.concatenate(self.ids)
         if len({points.shape[1] for points in self.points}) > 1:
             raise MeshError("some *NODE have two coordinates, others three")
@@ -222,7 +223,7 @@ class _Reader:
         if not unique:  # ids say nothing then
             cell_sets = {}
         others = sorted(set(self.others))
-        return Document(
+        return FileContent(
             np.ascontiguousarray(np.concatenate(self.points)),
             blocks,
             tags,
@@ -309,33 +310,33 @@ def _sections(clean: bytes) -> list[tuple[str, dict[str, str], int, int, int]]:
     return sections
 
 
-def write(document: Document) -> bytes:
+def write(content: FileContent) -> bytes:
     """Write nodes, elements and sets; an element set for each region."""
     lines = ["*HEADING", "written by qsmooth", "*NODE"]
-    n = len(document.points)
-    lines += _commas(rows_of(np.arange(1, n + 1), document.plain_points))
-    names = {tag: name for name, (tag, dim) in document.names.items() if dim == 2}
+    n = len(content.points)
+    lines += _commas(rows_of(np.arange(1, n + 1), content.plain_points))
+    names = {tag: name for name, (tag, dim) in content.names.items() if dim == 2}
     first = 1
     firsts: list[int] = []
-    for b, (kind, cells) in enumerate(document.blocks):
+    for b, (kind, cells) in enumerate(content.blocks):
         firsts.append(first)
         if kind not in WRITTEN:
             continue
-        tags = np.zeros(len(cells), np.int64) if document.tags is None else document.tags[b]
+        tags = np.zeros(len(cells), np.int64) if content.tags is None else content.tags[b]
         ids = np.arange(first, first + len(cells))
         for tag in np.unique(tags).tolist():
             name = names.get(tag, f"region_{tag}") if kind in FACES else f"line_{tag}"
-            option = "" if document.tags is None else f", ELSET={name}"
+            option = "" if content.tags is None else f", ELSET={name}"
             lines.append(f"*ELEMENT, TYPE={WRITTEN[kind]}{option}")
             lines += _commas(rows_of(ids[tags == tag], cells[tags == tag] + 1))
         first += len(cells)
-    for name, members in document.point_sets.items():
+    for name, members in content.point_sets.items():
         lines += [f"*NSET, NSET={name}", *_list(np.asarray(members) + 1)]
-    for name, parts in document.cell_sets.items():
-        if name not in document.names:
+    for name, parts in content.cell_sets.items():
+        if name not in content.names:
             numbers = [
                 np.asarray(rows) + start
-                for rows, start, (kind, _) in zip(parts, firsts, document.blocks, strict=True)
+                for rows, start, (kind, _) in zip(parts, firsts, content.blocks, strict=True)
                 if kind in WRITTEN
             ]
             lines += [f"*ELSET, ELSET={name}", *_list(np.concatenate(numbers))]

@@ -9,8 +9,8 @@ import numpy as np
 
 from qsmooth._types import FloatArray, IndexArray
 from qsmooth.errors import MeshError
-from qsmooth.io.document import FACES, N_VERTICES, Document
-from qsmooth.io.splice import Slots, joined
+from qsmooth.io.file_content import FACES, N_VERTICES, FileContent
+from qsmooth.io.in_place import Slots, joined
 from qsmooth.io.text import Cursor, blocks_by_id, finish, rows_of
 
 NAME = "gmsh"
@@ -57,9 +57,9 @@ def sniff(head: bytes) -> bool:
     return head.lstrip().startswith((b"$MeshFormat", b"$NOD", b"$Comments", b"$PhysicalNames"))
 
 
-def read(data: bytes) -> Document:
+def read(data: bytes) -> FileContent:
     """Read MSH; entities, periodic links and all other sections are kept on writing."""
-    return _Reader(data).document()
+    return _Reader(data).content()
 
 
 class _Reader:
@@ -78,7 +78,7 @@ class _Reader:
         self.physical: dict[tuple[int, int], int] = {}  # (dimension, entity) -> physical tag
         self.others: list[str] = []
 
-    def document(self) -> Document:
+    def content(self) -> FileContent:
         sections = {
             b"$MeshFormat": self.format,
             b"$PhysicalNames": self.physical_names,
@@ -294,7 +294,7 @@ class _Reader:
             self.cursor.fail(f"element type {code} is unknown")
         return TYPES[code]
 
-    def assemble(self) -> Document:
+    def assemble(self) -> FileContent:
         ids = np.concatenate(self.ids)
         blocks = blocks_by_id(ids, [(TYPES[code][0], cells) for code, _, cells, _ in self.parts])
         pairs = [pair for _, pair, _, _ in self.parts]
@@ -305,7 +305,7 @@ class _Reader:
         )
         if not any(pair.any() for pair in pairs):
             cell_data = {}
-        return Document(
+        return FileContent(
             np.concatenate(self.points),
             blocks,
             [pair[:, 0 if physical else 1] for pair in pairs] if cell_data else None,
@@ -318,25 +318,25 @@ class _Reader:
         )
 
 
-def write(document: Document) -> bytes:
+def write(content: FileContent) -> bytes:
     """Write MSH 2.2 as text, which every reader of MSH understands."""
     lines = ["$MeshFormat", "2.2 0 8", "$EndMeshFormat"]
-    if document.names:
-        lines += ["$PhysicalNames", str(len(document.names))]
-        lines += [f'{dim} {tag} "{name}"' for name, (tag, dim) in document.names.items()]
+    if content.names:
+        lines += ["$PhysicalNames", str(len(content.names))]
+        lines += [f'{dim} {tag} "{name}"' for name, (tag, dim) in content.names.items()]
         lines += ["$EndPhysicalNames"]
-    n_points = len(document.points)
+    n_points = len(content.points)
     lines += ["$Nodes", str(n_points)]
-    lines += [*rows_of(np.arange(1, n_points + 1), document.points_3d), "$EndNodes"]
-    blocks = [(b, kind, cells) for b, (kind, cells) in enumerate(document.blocks)]
+    lines += [*rows_of(np.arange(1, n_points + 1), content.points_3d), "$EndNodes"]
+    blocks = [(b, kind, cells) for b, (kind, cells) in enumerate(content.blocks)]
     blocks = [block for block in blocks if block[1] in N_VERTICES]
     lines += ["$Elements", str(sum(len(cells) for _, _, cells in blocks))]
     first = 1
     for b, kind, cells in blocks:
         n = len(cells)
-        tags = np.zeros(n, np.int64) if document.tags is None else document.tags[b]
+        tags = np.zeros(n, np.int64) if content.tags is None else content.tags[b]
         physical, geometrical = (
-            document.cell_data[name][b] if name in document.cell_data else tags for name in TAGS
+            content.cell_data[name][b] if name in content.cell_data else tags for name in TAGS
         )
         head = np.repeat([[CODES[kind], 2]], n, axis=0)
         ids = np.arange(first, first + n)

@@ -8,11 +8,12 @@ import numpy as np
 
 from qsmooth._types import IndexArray
 from qsmooth.errors import MeshError
-from qsmooth.io.document import Block, Document
+from qsmooth.io.file_content import Block, FileContent
 from qsmooth.io.text import Cursor, blanked, finish, rows_of
 
 NAME = "medit"
 ENDINGS = (".mesh",)
+PRIORITY = 1  # .mesh is MFEM's too
 HOLDS = frozenset(("z", "line", "regions"))
 
 CELLS = {
@@ -57,7 +58,7 @@ def sniff(head: bytes) -> bool:
     return bool(words) and words[0] == b"MeshVersionFormatted"
 
 
-def read(data: bytes) -> Document:
+def read(data: bytes) -> FileContent:
     """Read Medit; references become regions, all other sections are kept on writing."""
     cursor = Cursor(blanked(data, rb"#[^\r\n]*") if b"#" in data else data)
     cursor.word()
@@ -104,7 +105,7 @@ def read(data: bytes) -> Document:
             )
     if points is None:
         raise MeshError("the file has no section Vertices")
-    return Document(
+    return FileContent(
         points,
         blocks,
         tags,
@@ -116,15 +117,15 @@ def read(data: bytes) -> Document:
     )
 
 
-def write(document: Document) -> bytes:
+def write(content: FileContent) -> bytes:
     """Write Medit, with the regions as references."""
-    n, dimension = document.plain_points.shape
+    n, dimension = content.plain_points.shape
     lines = ["MeshVersionFormatted 2", f"Dimension {dimension}", "Vertices", str(n)]
-    references = document.point_data.get("medit:ref", np.zeros(n))
-    lines += rows_of(document.plain_points, np.asarray(references).astype(np.int64))
+    references = content.point_data.get("medit:ref", np.zeros(n))
+    lines += rows_of(content.plain_points, np.asarray(references).astype(np.int64))
     for section in ("Edges", "Triangles", "Quadrilaterals"):
         kind = CELLS[section][0]
-        parts = document.of_type(kind)
+        parts = content.of_type(kind)
         if not parts:
             continue
         cells = np.concatenate([cells for cells, _ in parts])

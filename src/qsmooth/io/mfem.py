@@ -6,7 +6,7 @@ import numpy as np
 
 from qsmooth._types import IndexArray
 from qsmooth.errors import MeshError
-from qsmooth.io.document import FACES, Document
+from qsmooth.io.file_content import FACES, FileContent
 from qsmooth.io.text import Cursor, blanked, finish, rows_of
 
 NAME = "mfem"
@@ -32,7 +32,7 @@ def sniff(head: bytes) -> bool:
     return head.lstrip().startswith(b"MFEM ")
 
 
-def read(data: bytes) -> Document:
+def read(data: bytes) -> FileContent:
     """Read MFEM; attributes become regions, boundary elements line cells."""
     cursor = Cursor(blanked(data, rb"#[^\r\n]*") if b"#" in data else data)
     first = cursor.line().split()
@@ -98,7 +98,7 @@ def read(data: bytes) -> Document:
             )
     if points is None:
         raise MeshError("the file has no section of vertices")
-    return Document(
+    return FileContent(
         points,
         blocks,
         tags,
@@ -110,12 +110,12 @@ def read(data: bytes) -> Document:
     )
 
 
-def write(document: Document) -> bytes:
+def write(content: FileContent) -> bytes:
     """Write MFEM mesh v1.0."""
-    n, dimension = document.plain_points.shape
+    n, dimension = content.plain_points.shape
     lines = ["MFEM mesh v1.0", "", "dimension", "2", ""]
     for section, kinds in (("elements", FACES), ("boundary", ("line",))):
-        parts = document.of_type(*kinds)
+        parts = content.of_type(*kinds)
         lines += [section, str(sum(len(cells) for cells, _ in parts))]
         for cells, tags in parts:
             # Attributes must be positive.
@@ -123,7 +123,7 @@ def write(document: Document) -> bytes:
             code = {2: 1, 3: 2, 4: 3}[cells.shape[1]]
             lines += rows_of(attributes, np.full(len(cells), code), cells)
         lines.append("")
-    return finish([*lines, "vertices", str(n), str(dimension), *rows_of(document.plain_points)])
+    return finish([*lines, "vertices", str(n), str(dimension), *rows_of(content.plain_points)])
 
 
 def _positive(tags: IndexArray) -> IndexArray:

@@ -7,7 +7,7 @@ import re
 import numpy as np
 
 from qsmooth._types import IndexArray
-from qsmooth.io.document import FACES, Document
+from qsmooth.io.file_content import FACES, FileContent
 from qsmooth.io.text import Text, blanked, finish, rows_of
 
 NAME = "obj"
@@ -25,7 +25,7 @@ def sniff(head: bytes) -> bool:
     return bool(first) and (first[0] in OTHER or first[0] in (b"v", b"f"))
 
 
-def read(data: bytes) -> Document:
+def read(data: bytes) -> FileContent:
     """Read OBJ; texture, normals, groups and materials are kept on writing."""
     clean = blanked(data, rb"#[^\r\n]*") if b"#" in data else data
     if b"\\" in clean:  # a line that goes on in the next one
@@ -86,14 +86,16 @@ def read(data: bytes) -> Document:
     if b"/" in data and re.search(rb"^[ \t]*f[^#\n]*/", data, re.M):
         extras.append("texture and normal numbers of faces")
     extras += ["comments"] if b"#" in data else []
-    return Document(points, blocks, extras=tuple(extras), slots=text.slots(tokens), places=places)
+    return FileContent(
+        points, blocks, extras=tuple(extras), slots=text.slots(tokens), places=places
+    )
 
 
-def write(document: Document) -> bytes:
+def write(content: FileContent) -> bytes:
     """Write OBJ."""
-    lines = ["v " + row for row in rows_of(document.points_3d)]
+    lines = ["v " + row for row in rows_of(content.points_3d)]
     for letter, kinds in (("f ", FACES), ("l ", ("line",)), ("p ", ("vertex",))):
-        for cells, _ in document.of_type(*kinds):
+        for cells, _ in content.of_type(*kinds):
             lines += [letter + row for row in rows_of(_from_one(cells))]
     return finish(lines)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from qsmooth._types import IndexArray
 from qsmooth.errors import MeshError
-from qsmooth.io.document import FACES, Document
+from qsmooth.io.file_content import FACES, FileContent
 from qsmooth.io.text import Text, blanked, finish, rows_of
 
 NAME = "off"
@@ -27,7 +27,7 @@ def sniff(head: bytes) -> bool:
     return bool(first) and HEADER.match(first[0]) is not None
 
 
-def read(data: bytes) -> Document:
+def read(data: bytes) -> FileContent:
     """Read OFF, with or without colours and normals; colours are kept on writing."""
     text = Text(blanked(data, rb"#[^\r\n]*") if b"#" in data else data)
     header = HEADER.match(text.word(0))
@@ -82,16 +82,16 @@ def read(data: bytes) -> Document:
     extras = ["face colours"] if bool((np.diff(firsts) > counts + 1).any()) else []
     extras += ["vertex colours or normals"] if width > 3 else []
     extras += ["comments"] if b"#" in data else []
-    return Document(
+    return FileContent(
         np.ascontiguousarray(points), blocks, extras=tuple(extras), slots=slots, places=places
     )
 
 
-def write(document: Document) -> bytes:
+def write(content: FileContent) -> bytes:
     """Write OFF."""
-    n_faces = sum(len(document.blocks[b][1]) for b in document.faces)
-    lines = ["OFF", f"{len(document.points)} {n_faces} 0", *rows_of(document.points_3d)]
-    for cells, _ in document.of_type(*FACES):
+    n_faces = sum(len(content.blocks[b][1]) for b in content.faces)
+    lines = ["OFF", f"{len(content.points)} {n_faces} 0", *rows_of(content.points_3d)]
+    for cells, _ in content.of_type(*FACES):
         lines += rows_of(np.full(len(cells), cells.shape[1]), cells)
     return finish(lines)
 

@@ -9,8 +9,8 @@ import numpy.typing as npt
 
 from qsmooth._types import IndexArray
 from qsmooth.errors import MeshError
-from qsmooth.io.document import FACES, Block, Document
-from qsmooth.io.splice import Edit, Slots
+from qsmooth.io.file_content import FACES, Block, FileContent
+from qsmooth.io.in_place import Edit, Slots
 from qsmooth.io.text import Text, finish, line_of, rows_of, runs
 
 NAME = "ply"
@@ -36,9 +36,9 @@ def sniff(head: bytes) -> bool:
     return head[:3] == b"ply" and head[3:4] in (b"\n", b"\r", b" ")
 
 
-def read(data: bytes) -> Document:
+def read(data: bytes) -> FileContent:
     """Read PLY; every other property and element is kept on writing."""
-    return _Reader(data).document()
+    return _Reader(data).content()
 
 
 class _Reader:
@@ -98,7 +98,7 @@ class _Reader:
                 raise MeshError(f"the header says {n} of {name}: the file is too small for them")
         return end + 1
 
-    def document(self) -> Document:
+    def content(self) -> FileContent:
         # Blank the header rather than cut it off: places stay those of the file.
         text = None if self.order else Text(b"\n" * self.pos + self.data[self.pos :])
         token, row = 0, 0
@@ -151,7 +151,7 @@ class _Reader:
         if self.order:  # places are of no use in a binary file
             places = None  # type: ignore[assignment]
         extras += ["comments"] if self.comments else []
-        return Document(
+        return FileContent(
             points, blocks, point_data=point_data, extras=tuple(extras), slots=slots, places=places
         )
 
@@ -283,18 +283,18 @@ class _Reader:
         return fields
 
 
-def write(document: Document) -> bytes:
+def write(content: FileContent) -> bytes:
     """Write PLY as text, with numbers of one component at the vertices as properties."""
-    n = len(document.points)
-    columns = {axis: document.points_3d[:, i] for i, axis in enumerate("xyz")}
-    columns |= _scalars(document)
+    n = len(content.points)
+    columns = {axis: content.points_3d[:, i] for i, axis in enumerate("xyz")}
+    columns |= _scalars(content)
     lines = ["ply", "format ascii 1.0", f"element vertex {n}"]
     for name, values in columns.items():
         lines.append(f"property {NAMES.get(values.dtype.str[1:], 'double')} {name}")
-    faces = document.of_type(*FACES)
+    faces = content.of_type(*FACES)
     lines.append(f"element face {sum(len(cells) for cells, _ in faces)}")
     lines.append("property list uchar int vertex_indices")
-    edges = document.of_type("line")
+    edges = content.of_type("line")
     if edges:
         lines.append(f"element edge {sum(len(cells) for cells, _ in edges)}")
         lines += ["property int vertex1", "property int vertex2"]
@@ -306,10 +306,10 @@ def write(document: Document) -> bytes:
     return finish(lines)
 
 
-def _scalars(document: Document) -> dict[str, npt.NDArray[Any]]:
+def _scalars(content: FileContent) -> dict[str, npt.NDArray[Any]]:
     """Point data as columns of one component, of types that PLY has."""
     columns = {}
-    for name, values in document.point_data.items():
+    for name, values in content.point_data.items():
         array = np.asarray(values)
         if array.dtype.str[1:] not in NAMES:
             small = array.dtype.kind in "iub" and (not array.size or abs(array).max() < 2**31)

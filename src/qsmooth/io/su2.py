@@ -8,8 +8,8 @@ from typing import NoReturn
 import numpy as np
 
 from qsmooth._types import FloatArray, IndexArray
-from qsmooth.io.document import FACES, Document
-from qsmooth.io.splice import joined
+from qsmooth.io.file_content import FACES, FileContent
+from qsmooth.io.in_place import joined
 from qsmooth.io.text import Text, blanked, finish, rows_of
 
 NAME = "su2"
@@ -46,7 +46,7 @@ def sniff(head: bytes) -> bool:
     return found is not None and found[1] in (*COUNTED, *KNOWN, *SENDING, *OTHER)
 
 
-def read(data: bytes) -> Document:
+def read(data: bytes) -> FileContent:
     """Read SU2; zones become regions, markers become line cells."""
     clean = blanked(data, rb"%[^\r\n]*") if b"%" in data else data
     if b"\n" not in clean:
@@ -122,7 +122,7 @@ def read(data: bytes) -> Document:
     extras = ["comments"] if b"%" in data else []
     extras += sorted({match[1].decode() for match in keywords if match[1] in OTHER})
     extras += ["SEND_TO of markers"] if len(keywords) < len(found) else []
-    return Document(
+    return FileContent(
         np.concatenate([zone.parts[0][0] for zone in zones]),
         blocks,
         tags,
@@ -181,9 +181,9 @@ class _Zone:
             self.cells.append((tag, kind, table[:, 1:], text.starts[rows[i:j]]))
 
 
-def write(document: Document) -> bytes:
+def write(content: FileContent) -> bytes:
     """Write SU2: one zone, its markers from the tags of line cells."""
-    faces = document.of_type(*FACES)
+    faces = content.of_type(*FACES)
     n_faces = sum(len(cells) for cells, _ in faces)
     lines = ["NDIME= 2", f"NELEM= {n_faces}"]
     first = 0
@@ -192,13 +192,13 @@ def write(document: Document) -> bytes:
         numbers = np.arange(first, first + len(cells))
         lines += rows_of(np.full(len(cells), code), cells, numbers)
         first += len(cells)
-    lines.append(f"NPOIN= {len(document.points)}")
-    lines += rows_of(document.points[:, :2], np.arange(len(document.points)))
-    edges = [(cells, tags) for cells, tags in document.of_type("line")]
+    lines.append(f"NPOIN= {len(content.points)}")
+    lines += rows_of(content.points[:, :2], np.arange(len(content.points)))
+    edges = [(cells, tags) for cells, tags in content.of_type("line")]
     if edges:
         cells = np.concatenate([cells for cells, _ in edges])
         tags = np.concatenate([np.zeros(len(c), np.int64) if t is None else t for c, t in edges])
-        names = {tag: name for name, (tag, dim) in document.names.items() if dim == 1}
+        names = {tag: name for name, (tag, dim) in content.names.items() if dim == 1}
         markers = np.unique(tags).tolist()
         lines.append(f"NMARK= {len(markers)}")
         for marker in markers:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from qsmooth._types import FloatArray, IndexArray
 from qsmooth.errors import MeshError
-from qsmooth.io.splice import Slots, binary_slots
+from qsmooth.io.in_place import Slots, binary_slots
 
 # Fortran writes 1.0D-3; both letters mean the same.
 FORTRAN = bytes.maketrans(b"dD", b"ee")

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from qsmooth.errors import MeshError
-from qsmooth.io.document import N_VERTICES, Document
+from qsmooth.io.file_content import N_VERTICES, FileContent
 from qsmooth.io.text import Text, blanked, blocks_by_id, finish, rows_of
 
 NAME = "ucd"
 ENDINGS = (".inp", ".avs", ".ucd")
+REPLACES = ("avsucd",)
 HOLDS = frozenset(("z", "vertex", "line", "regions"))
 
 TYPES = {
@@ -36,7 +37,7 @@ def sniff(head: bytes) -> bool:
     return False
 
 
-def read(data: bytes) -> Document:
+def read(data: bytes) -> FileContent:
     """Read UCD; material ids become regions, the data after the cells is kept on writing."""
     text = Text(blanked(data, rb"#[^\r\n]*") if b"#" in data else data)
     if len(text) < 5:
@@ -88,7 +89,7 @@ def read(data: bytes) -> Document:
         )
     extras = [] if not n_data else ["node and cell data of the UCD file"]
     extras += ["comments"] if b"#" in data else []
-    return Document(
+    return FileContent(
         np.ascontiguousarray(table[:, 1:]),
         blocks_by_id(ids, blocks),
         tags,
@@ -99,16 +100,16 @@ def read(data: bytes) -> Document:
     )
 
 
-def write(document: Document) -> bytes:
+def write(content: FileContent) -> bytes:
     """Write UCD, with the regions as materials."""
-    blocks = [b for b, (kind, _) in enumerate(document.blocks) if kind in N_VERTICES]
-    n_points = len(document.points)
-    lines = [f"{n_points} {sum(len(document.blocks[b][1]) for b in blocks)} 0 0 0"]
-    lines += rows_of(np.arange(1, n_points + 1), document.points_3d)
+    blocks = [b for b, (kind, _) in enumerate(content.blocks) if kind in N_VERTICES]
+    n_points = len(content.points)
+    lines = [f"{n_points} {sum(len(content.blocks[b][1]) for b in blocks)} 0 0 0"]
+    lines += rows_of(np.arange(1, n_points + 1), content.points_3d)
     first = 1
     for b in blocks:
-        kind, cells = document.blocks[b]
-        tags = np.zeros(len(cells), np.int64) if document.tags is None else document.tags[b]
+        kind, cells = content.blocks[b]
+        tags = np.zeros(len(cells), np.int64) if content.tags is None else content.tags[b]
         heads = rows_of(np.arange(first, first + len(cells)), tags)
         corners = rows_of(cells + 1)
         lines += [f"{h} {WORDS[kind]} {c}" for h, c in zip(heads, corners, strict=True)]

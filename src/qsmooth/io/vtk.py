@@ -12,8 +12,8 @@ import numpy.typing as npt
 
 from qsmooth._types import FloatArray, IndexArray
 from qsmooth.errors import MeshError
-from qsmooth.io.document import N_VERTICES, Block, Document, region_tags
-from qsmooth.io.splice import Edit, Slots
+from qsmooth.io.file_content import N_VERTICES, Block, FileContent, region_tags
+from qsmooth.io.in_place import Edit, Slots
 from qsmooth.io.text import Cursor, finish, rows_of, runs
 
 NAME = "vtk"
@@ -74,9 +74,9 @@ def sniff(head: bytes) -> bool:
     return head.lstrip().lower().startswith(b"# vtk datafile")
 
 
-def read(data: bytes) -> Document:
+def read(data: bytes) -> FileContent:
     """Read legacy VTK, versions 1 to 5.1; all data is kept on writing."""
-    return _Reader(data).document()
+    return _Reader(data).content()
 
 
 class _Reader:
@@ -95,7 +95,7 @@ class _Reader:
         self.extras: list[str] = []
         self.notes: list[str] = []
 
-    def document(self) -> Document:
+    def content(self) -> FileContent:
         cursor = self.cursor
         cursor.line()
         end = cursor.data.find(b"\n", cursor.pos)  # the title may be empty
@@ -326,7 +326,7 @@ class _Reader:
             ),
         )
 
-    def assemble(self, dataset: str) -> Document:
+    def assemble(self, dataset: str) -> FileContent:
         if self.points is None:
             raise MeshError("the file has no POINTS")
         if self.dimensions and int(np.prod(self.dimensions)) != self.n_points:
@@ -335,7 +335,7 @@ class _Reader:
         places = self.places.get("CELLS")
         blocks, sources = blocks_of(offsets, vertices, types)
         data = {name: [array[s] for s in sources] for name, array in self.data["CELL"].items()}
-        return Document(
+        return FileContent(
             self.points,
             blocks,
             region_tags(data, blocks),
@@ -415,25 +415,25 @@ def structured(dimensions: Sequence[int]) -> tuple[IndexArray, IndexArray, Index
     return 4 * np.arange(len(cells) + 1), cells.ravel(), np.full(len(cells), QUAD)
 
 
-def write(document: Document) -> bytes:
+def write(content: FileContent) -> bytes:
     """Write an unstructured grid as text, version 3.0, which every reader of VTK understands."""
-    blocks = [b for b, (kind, _) in enumerate(document.blocks) if kind in N_VERTICES]
-    cells = [document.blocks[b] for b in blocks]
+    blocks = [b for b, (kind, _) in enumerate(content.blocks) if kind in N_VERTICES]
+    cells = [content.blocks[b] for b in blocks]
     n = sum(len(c) for _, c in cells)
     size = sum(c.size + len(c) for _, c in cells)
     lines = ["# vtk DataFile Version 3.0", "written by qsmooth", "ASCII"]
     lines += ["DATASET UNSTRUCTURED_GRID"]
-    lines += _fields(document.field_data)
-    lines += [f"POINTS {len(document.points)} double", *rows_of(document.points_3d)]
+    lines += _fields(content.field_data)
+    lines += [f"POINTS {len(content.points)} double", *rows_of(content.points_3d)]
     lines.append(f"CELLS {n} {size}")
     for _, c in cells:
         lines += rows_of(np.full(len(c), c.shape[1]), c)
     lines.append(f"CELL_TYPES {n}")
     for kind, c in cells:
         lines += [str(CODES[kind])] * len(c)
-    cell_data = cell_arrays(document, blocks)
+    cell_data = cell_arrays(content, blocks)
     for where, count, arrays in (
-        ("POINT_DATA", len(document.points), document.point_data),
+        ("POINT_DATA", len(content.points), content.point_data),
         ("CELL_DATA", n, cell_data),
     ):
         if arrays:
@@ -441,14 +441,14 @@ def write(document: Document) -> bytes:
     return finish(lines)
 
 
-def cell_arrays(document: Document, blocks: list[int]) -> dict[str, npt.NDArray[Any]]:
+def cell_arrays(content: FileContent, blocks: list[int]) -> dict[str, npt.NDArray[Any]]:
     """Cell data over all of these blocks, the regions among them."""
     arrays = {
         name: np.concatenate([np.asarray(parts[b]) for b in blocks])
-        for name, parts in document.cell_data.items()
+        for name, parts in content.cell_data.items()
     }
-    if document.tags is not None and region_tags(document.cell_data, document.blocks) is None:
-        arrays["region"] = np.concatenate([document.tags[b] for b in blocks])
+    if content.tags is not None and region_tags(content.cell_data, content.blocks) is None:
+        arrays["region"] = np.concatenate([content.tags[b] for b in blocks])
     return arrays
 
 

@@ -18,8 +18,8 @@ import numpy.typing as npt
 
 from qsmooth._types import FloatArray
 from qsmooth.errors import MeshError
-from qsmooth.io.document import N_VERTICES, Document, region_tags
-from qsmooth.io.splice import Edit, Slots, Splice, joined, replace
+from qsmooth.io.file_content import N_VERTICES, FileContent, region_tags
+from qsmooth.io.in_place import Edit, InPlace, Slots, joined, replace
 from qsmooth.io.text import Text
 from qsmooth.io.vtk import CODES, blocks_of, cell_arrays
 
@@ -48,9 +48,9 @@ def sniff(head: bytes) -> bool:
     return b"<VTKFile" in head
 
 
-def read(data: bytes) -> Document:
+def read(data: bytes) -> FileContent:
     """Read an unstructured grid of one piece or several; all data is kept on writing."""
-    return _Reader(data).document()
+    return _Reader(data).content()
 
 
 @dataclass
@@ -134,7 +134,7 @@ def _base64_length(n: int) -> int:
 
 
 @dataclass
-class _Block(Splice):
+class _Block(InPlace):
     """Coordinates stored as binary blocks in the XML: the blocks are replaced whole."""
 
     storage: _Storage
@@ -145,7 +145,7 @@ class _Block(Splice):
     appended: int | None  # where appended data begins; None if it is inline
 
     def write(self, data: bytes, old: FloatArray, new: FloatArray) -> bytes:
-        """See `Splice`."""
+        """See `InPlace`."""
         same = np.ascontiguousarray(old).view(np.int64) == np.ascontiguousarray(new).view(np.int64)
         if same.all():
             return data
@@ -197,7 +197,7 @@ class _Reader:
         self.appended_base64 = element is not None and element.get("encoding") == "base64"
         self.extras: list[str] = []
 
-    def document(self) -> Document:
+    def content(self) -> FileContent:
         pieces = self.root.findall("UnstructuredGrid/Piece")
         places = list(POINTS.finditer(self.data, 0, self.appended or len(self.data)))
         if not pieces:
@@ -248,7 +248,7 @@ class _Reader:
             np.concatenate(offsets), np.concatenate(vertices), np.concatenate(types)
         )
         data = {name: [a[s] for s in sources] for name, a in _joined(cell_data).items()}
-        return Document(
+        return FileContent(
             np.concatenate(points),
             blocks,
             region_tags(data, blocks),
@@ -256,7 +256,7 @@ class _Reader:
             cell_data=data,
             field_data=self.arrays(self.root.find("UnstructuredGrid/FieldData"), None),
             extras=tuple(self.extras),
-            slots=self.splice(slots),
+            slots=self.in_place(slots),
         )
 
     def integer(self, element: ElementTree.Element, name: str) -> int:
@@ -330,11 +330,11 @@ class _Reader:
         if mode == "appended":
             begin = (self.appended or 0) + self.integer(element, "offset")
             return mode, (first, first + n, begin, begin + length, widen)
-        content = self.data[begin:end]
-        begin += len(content) - len(content.lstrip())
-        return mode, (first, first + n, begin, begin + len(content.strip()), widen)
+        stored = self.data[begin:end]
+        begin += len(stored) - len(stored.lstrip())
+        return mode, (first, first + n, begin, begin + len(stored.strip()), widen)
 
-    def splice(self, slots: list[tuple[str, Any]]) -> Splice | None:
+    def in_place(self, slots: list[tuple[str, Any]]) -> InPlace | None:
         modes = {mode for mode, _ in slots}
         if modes == {"ascii"}:
             return joined([part for _, part in slots])
@@ -356,10 +356,10 @@ def _joined(pieces: list[dict[str, Any]]) -> dict[str, Any]:
     return {name: np.concatenate([piece[name] for piece in pieces]) for name in names}
 
 
-def write(document: Document) -> bytes:
+def write(content: FileContent) -> bytes:
     """Write one piece, numbers as base64 without compression."""
-    blocks = [b for b, (kind, _) in enumerate(document.blocks) if kind in N_VERTICES]
-    cells = [document.blocks[b] for b in blocks]
+    blocks = [b for b, (kind, _) in enumerate(content.blocks) if kind in N_VERTICES]
+    cells = [content.blocks[b] for b in blocks]
     n = sum(len(c) for _, c in cells)
     sizes = np.concatenate([np.full(len(c), c.shape[1]) for _, c in cells])
     types = np.concatenate([np.full(len(c), CODES[kind], np.uint8) for kind, c in cells])
@@ -368,11 +368,11 @@ def write(document: Document) -> bytes:
         '<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian" '
         'header_type="UInt64">',
         "<UnstructuredGrid>",
-        *_section("FieldData", document.field_data),
-        f'<Piece NumberOfPoints="{len(document.points)}" NumberOfCells="{n}">',
-        *_section("PointData", document.point_data),
-        *_section("CellData", cell_arrays(document, blocks)),
-        *_section("Points", {"Points": document.points_3d}),
+        *_section("FieldData", content.field_data),
+        f'<Piece NumberOfPoints="{len(content.points)}" NumberOfCells="{n}">',
+        *_section("PointData", content.point_data),
+        *_section("CellData", cell_arrays(content, blocks)),
+        *_section("Points", {"Points": content.points_3d}),
         *_section(
             "Cells",
             {

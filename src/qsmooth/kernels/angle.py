@@ -5,11 +5,11 @@ import math
 import numpy as np
 from numba import prange
 
-from qsmooth._types import FloatArray
-from qsmooth.kernels._jit import helper, parallel_kernel
+from qsmooth._types import FloatArray, TableArray
+from qsmooth.kernels._jit import helper, inlined_helper, parallel_kernel
 from qsmooth.kernels.geometry import distance, share
-from qsmooth.kernels.guards import Fence, guarded_move
-from qsmooth.kernels.stars import CHUNK, NO_VERTEX, Moves, Stars
+from qsmooth.kernels.guards import NO_FENCE, guarded_move
+from qsmooth.kernels.stars import CHUNK, NO_VERTEX, Centre, Moves, Stars, Step, centre_of
 
 
 @helper()
@@ -36,25 +36,22 @@ def onto_bisector(
     return along * ux - across * uy, along * uy + across * ux, True
 
 
-@helper()
-def mean_of_bisectors(xy: FloatArray, stars: Stars, i: int) -> tuple[float, float, float]:
-    """Average the places that the edges of a vertex v turn it to.
+@inlined_helper()
+def step_to_bisectors(xy: FloatArray, corners: TableArray, centre: Centre, step: float) -> Step:
+    """Step towards the mean of the places that the edges of a vertex turn it to.
 
     Parameters
     ----------
-    i
-        Position of v in `stars.vertices`.
+    step
+        Fraction of the way to the mean.
 
     Returns
     -------
-    dx, dy
-        Displacement to the mean; zero where no edge has a bisector to turn to.
-    shortest
-        Shortest edge of v.
+    step
+        Zero where no edge has a bisector to turn to.
     """
-    v, corners = stars.vertices[i], stars.corners
-    first, last = stars.offsets[i], stars.offsets[i + 1]
-    x, y = xy[v, 0], xy[v, 1]
+    first, last = centre.first, centre.last
+    x, y = xy[centre.v, 0], xy[centre.v, 1]
     sx, sy, count, shortest = 0.0, 0.0, 0, np.inf
     for row in range(first, last):
         p = corners[row, 0]
@@ -77,8 +74,8 @@ def mean_of_bisectors(xy: FloatArray, stars: Stars, i: int) -> tuple[float, floa
             sy += (py - y) + new_y
             count += 1
     if count == 0:
-        return 0.0, 0.0, shortest
-    return sx / count, sy / count, shortest
+        return Step(0.0, 0.0, shortest)
+    return Step(step * (sx / count), step * (sy / count), shortest)
 
 
 @parallel_kernel()
@@ -99,12 +96,11 @@ def angle_sweep(
     T. Zhou and K. Shimada, "An angle-based approach to two-dimensional mesh smoothing",
     Proceedings of the 9th International Meshing Roundtable (2000).
     """
-    vertices, lengths, shares = stars.vertices, moves.lengths, moves.shares
+    _, vertices, offsets, corners, _, _ = stars
+    lengths, shares = moves
     for i in prange(vertices.size):
         v = vertices[i]
-        dx, dy, shortest = mean_of_bisectors(xy, stars, i)
-        dx *= step
-        dy *= step
+        dx, dy, shortest = step_to_bisectors(xy, corners, centre_of(vertices, offsets, i), step)
         xy_out[v, 0] = xy[v, 0] + dx
         xy_out[v, 1] = xy[v, 1] + dy
         lengths[i] = math.sqrt(dx * dx + dy * dy)
@@ -129,10 +125,13 @@ def guarded_angle_sweep(
     xy, stars, colours, good, moves
         As in `star.star_sweep`.
     """
-    unfenced = Fence(np.empty((0, 3)), 0, 0.0)
+    colour_offsets, vertices, offsets, corners, _, _ = stars
+    lengths, shares = moves
+    no_lines = np.empty((0, 3))
     for colour in range(colours[0], colours[1]):
-        start, stop = stars.colour_offsets[colour], stars.colour_offsets[colour + 1]
+        start, stop = colour_offsets[colour], colour_offsets[colour + 1]
         for chunk in prange((stop - start + CHUNK - 1) // CHUNK):
             for i in range(start + chunk * CHUNK, min(start + (chunk + 1) * CHUNK, stop)):
-                dx, dy, shortest = mean_of_bisectors(xy, stars, i)
-                guarded_move(xy, stars, i, step * dx, step * dy, shortest, good, unfenced, moves)
+                v = centre_of(vertices, offsets, i)
+                wanted = step_to_bisectors(xy, corners, v, step)
+                guarded_move(xy, corners, v, wanted, good, no_lines, NO_FENCE, lengths, shares)

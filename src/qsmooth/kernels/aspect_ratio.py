@@ -5,11 +5,11 @@ import math
 import numpy as np
 from numba import prange
 
-from qsmooth._types import FloatArray
-from qsmooth.kernels._jit import helper, parallel_kernel
+from qsmooth._types import FloatArray, TableArray
+from qsmooth.kernels._jit import helper, inlined_helper, parallel_kernel
 from qsmooth.kernels.guards import (
     HALVINGS,
-    Fence,
+    NO_FENCE,
     allowed_step,
     clearance,
     guard_lines,
@@ -17,7 +17,7 @@ from qsmooth.kernels.guards import (
     store_move,
     tolerated_loss,
 )
-from qsmooth.kernels.stars import CHUNK, NO_VERTEX, Moves, Stars
+from qsmooth.kernels.stars import CHUNK, NO_VERTEX, Centre, Moves, Stars, Step, centre_of
 
 
 @helper()
@@ -55,11 +55,12 @@ def along_circumcircle(
 
 
 @helper()
-def star_edge_ratio(xy: FloatArray, stars: Stars, i: int, x: float, y: float) -> float:
+def star_edge_ratio(
+    xy: FloatArray, corners: TableArray, centre: Centre, x: float, y: float
+) -> float:
     """Largest ratio of two edges of a triangle of the star, squared, with its vertex at (x, y)."""
-    corners = stars.corners
     largest = 1.0
-    for row in range(stars.offsets[i], stars.offsets[i + 1]):
+    for row in range(centre.first, centre.last):
         a, b, c = corners[row, 0], corners[row, 1], corners[row, 2]
         if b != NO_VERTEX:
             continue
@@ -71,16 +72,15 @@ def star_edge_ratio(xy: FloatArray, stars: Stars, i: int, x: float, y: float) ->
     return largest
 
 
-@helper()
+@inlined_helper()
 def _step_within_ratio(
     xy: FloatArray,
-    stars: Stars,
-    i: int,
-    dx: float,
-    dy: float,
+    corners: TableArray,
+    centre: Centre,
+    step: Step,
     tolerated: float,
     good: float,
-    fence: Fence,
+    lines: FloatArray,
 ) -> tuple[float, float]:
     """Take the step, halved until the star's largest edge ratio does not rise, or stay.
 
@@ -89,52 +89,47 @@ def _step_within_ratio(
     x, y
         The place to store.
     """
-    v = stars.vertices[i]
-    x, y = xy[v, 0], xy[v, 1]
-    if dx == 0.0 and dy == 0.0:
-        return x, y
-    allowed = max(tolerated * tolerated, star_edge_ratio(xy, stars, i, x, y))
+    x, y = xy[centre.v, 0], xy[centre.v, 1]
+    dx, dy = step.dx, step.dy
+    allowed = max(tolerated * tolerated, star_edge_ratio(xy, corners, centre, x, y))
     for _ in range(HALVINGS + 1):
-        new_x, new_y = allowed_step(xy, stars, i, dx, dy, good, fence)
-        if star_edge_ratio(xy, stars, i, new_x, new_y) <= allowed:
+        new_x, new_y = allowed_step(xy, corners, centre, dx, dy, good, lines, NO_FENCE)
+        if star_edge_ratio(xy, corners, centre, new_x, new_y) <= allowed:
             return new_x, new_y
         dx, dy = 0.5 * (new_x - x), 0.5 * (new_y - y)
     return x, y
 
 
-@helper()
+@inlined_helper()
 def mean_along_circumcircles(
     xy: FloatArray,
-    stars: Stars,
-    i: int,
+    corners: TableArray,
+    centre: Centre,
     max_edge_ratio: float,
     step: float,
     power: float,
     lines: FloatArray,
-) -> tuple[float, float, float]:
+) -> Step:
     """Average what the triangles around a vertex propose, as far as no clearance is lost.
 
     Parameters
     ----------
     max_edge_ratio, step, power
         As in `aspect_ratio_sweep`.
-    lines : (3 * stars.largest, 3)
+    lines : (3 * cells in the star, 3)
         Scratch: overwritten with the guard lines of the vertex.
 
     Returns
     -------
-    dx, dy
-        Displacement; zero where nothing was accepted.
-    shortest
-        Shortest edge of the vertex.
+    step
+        Zero where nothing was accepted.
     """
-    v, corners = stars.vertices[i], stars.corners
-    x, y = xy[v, 0], xy[v, 1]
-    n_lines, longest, shortest, largest = guard_lines(xy, stars, i, lines)
+    x, y = xy[centre.v, 0], xy[centre.v, 1]
+    n_lines, longest, shortest, largest = guard_lines(xy, corners, centre, lines)
     loss = tolerated_loss(longest, largest)
     least = clearance(lines, n_lines) - loss
     sx, sy, total = 0.0, 0.0, 0.0
-    for row in range(stars.offsets[i], stars.offsets[i + 1]):
+    for row in range(centre.first, centre.last):
         a, b, c = corners[row, 0], corners[row, 1], corners[row, 2]
         if b != NO_VERTEX:
             continue
@@ -147,8 +142,8 @@ def mean_along_circumcircles(
             sy += weight * dy
             total += weight
     if not total > 0.0:
-        return 0.0, 0.0, shortest
-    return sx / total, sy / total, shortest
+        return Step(0.0, 0.0, shortest)
+    return Step(sx / total, sy / total, shortest)
 
 
 @parallel_kernel()
@@ -182,14 +177,19 @@ def aspect_ratio_sweep(
         Besides the guards, no step may make the largest edge ratio of the star's triangles larger,
         unless it stays within this; infinite for no such rule.
     """
+    colour_offsets, vertices, offsets, corners, _, largest = stars
+    lengths, shares = moves
     for colour in range(colours[0], colours[1]):
-        start, stop = stars.colour_offsets[colour], stars.colour_offsets[colour + 1]
+        start, stop = colour_offsets[colour], colour_offsets[colour + 1]
         for chunk in prange((stop - start + CHUNK - 1) // CHUNK):
-            lines = np.empty((3 * stars.largest, 3))
-            kept = Fence(lines, 0, 0.0)
+            lines = np.empty((3 * largest, 3))
             for i in range(start + chunk * CHUNK, min(start + (chunk + 1) * CHUNK, stop)):
-                dx, dy, shortest = mean_along_circumcircles(
-                    xy, stars, i, max_edge_ratio, step, power, lines
+                v = centre_of(vertices, offsets, i)
+                wanted = mean_along_circumcircles(
+                    xy, corners, v, max_edge_ratio, step, power, lines
                 )
-                x, y = _step_within_ratio(xy, stars, i, dx, dy, tolerated, good, kept)
-                store_move(xy, stars, i, x, y, shortest, moves)
+                lengths[i], shares[i] = 0.0, 0.0
+                if wanted.dx == 0.0 and wanted.dy == 0.0:
+                    continue
+                x, y = _step_within_ratio(xy, corners, v, wanted, tolerated, good, lines)
+                store_move(xy, v, x, y, wanted.shortest, lengths, shares)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from qsmooth._types import BlockArray, IndexArray, TableArray
-from qsmooth.kernels._jit import kernel
+from qsmooth.kernels._jit import inlined_helper, kernel
 from qsmooth.kernels.stars import NO_VERTEX, Stars
 
 # Vertices in a block: enough to hide latencies, few enough that a large star stays in cache.
@@ -42,6 +42,24 @@ class Blocks(NamedTuple):
     vertices: TableArray
     stars: TableArray
     largest: int
+
+
+class Block(NamedTuple):
+    """One row of `Blocks.table`."""
+
+    first: int
+    size: int
+    n_quads: int
+    n_triangles: int
+    start: int
+
+
+@inlined_helper()
+def block_at(table: BlockArray, b: int) -> Block:
+    """Look up block b."""
+    return Block(
+        table[b, FIRST], table[b, SIZE], table[b, N_QUADS], table[b, N_TRIANGLES], table[b, STAR]
+    )
 
 
 def lane_row(k: int) -> Any:

@@ -7,7 +7,7 @@ from numba import prange
 
 from qsmooth._types import FloatArray, IndexArray
 from qsmooth.kernels._jit import helper, parallel_kernel
-from qsmooth.kernels.corner_energy import EQUILATERAL, SQUARE, corner_shape
+from qsmooth.kernels.corner_energy import ideal_corner_shape
 from qsmooth.kernels.geometry import (
     corner_dot,
     corner_jacobian,
@@ -143,6 +143,30 @@ def aspect_ratio(
 
 
 @parallel_kernel()
+def min_edge(
+    xy: FloatArray, cell_offsets: IndexArray, cell_vertices: IndexArray, out: FloatArray
+) -> None:
+    """Measure each cell's shortest edge, which bounds the time step of explicit solvers.
+
+    Parameters
+    ----------
+    xy, cell_offsets, cell_vertices
+        As in `angles`.
+    out : (n_cells,)
+        Overwritten. In the unit of the coordinates, 0 or more. NaN where a coordinate is NaN.
+    """
+    for c in prange(out.size):
+        first, last = cell_offsets[c], cell_offsets[c + 1]
+        shortest = np.inf
+        a = cell_vertices[last - 1]
+        for k in range(first, last):
+            b = cell_vertices[k]
+            shortest = np.minimum(shortest, distance(xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1]))
+            a = b
+        out[c] = shortest
+
+
+@parallel_kernel()
 def scaled_jacobian(
     xy: FloatArray, cell_offsets: IndexArray, cell_vertices: IndexArray, out: FloatArray
 ) -> None:
@@ -198,7 +222,6 @@ def shape(
     """
     for c in prange(out.size):
         first, last = cell_offsets[c], cell_offsets[c + 1]
-        target = SQUARE if last - first == 4 else EQUILATERAL
         worst = np.inf
         d = cell_vertices[last - 1]
         for k in range(first, last):
@@ -206,7 +229,7 @@ def shape(
             b = cell_vertices[k + 1] if k + 1 < last else cell_vertices[first]
             ux, uy = xy[b, 0] - xy[a, 0], xy[b, 1] - xy[a, 1]
             wx, wy = xy[d, 0] - xy[a, 0], xy[d, 1] - xy[a, 1]
-            n, det = corner_shape(target, ux, uy, wx, wy)
+            n, det = ideal_corner_shape(last - first == 3, ux, uy, wx, wy)
             ratio = 0.0 if n == 0.0 else det / n
             worst = np.minimum(worst, ratio)
             d = a

@@ -5,33 +5,25 @@ import math
 import numpy as np
 from numba import prange
 
-from qsmooth._types import FloatArray
-from qsmooth.kernels._jit import helper, parallel_kernel
+from qsmooth._types import FloatArray, TableArray
+from qsmooth.kernels._jit import inlined_helper, parallel_kernel
 from qsmooth.kernels.geometry import share
-from qsmooth.kernels.guards import Fence, guarded_move
-from qsmooth.kernels.stars import CHUNK, NO_VERTEX, Moves, Stars
+from qsmooth.kernels.guards import NO_FENCE, guarded_move
+from qsmooth.kernels.stars import CHUNK, NO_VERTEX, Centre, Moves, Stars, Step, centre_of
 
 
-@helper()
-def star_centroid(xy: FloatArray, stars: Stars, i: int) -> tuple[float, float, float]:
-    """Find the centroid of the polygon round a star: the cells' centroids, weighted by area.
-
-    Parameters
-    ----------
-    i
-        Position of the star's vertex v in `stars.vertices`.
+@inlined_helper()
+def step_to_centroid(xy: FloatArray, corners: TableArray, centre: Centre) -> Step:
+    """Step to the centroid of the polygon round a star: the cells' centroids, weighted by area.
 
     Returns
     -------
-    dx, dy
-        From v to the centroid; zero where the polygon has no positive area.
-    shortest
-        Shortest edge of v.
+    step
+        Zero where the polygon has no positive area.
     """
-    v, corners = stars.vertices[i], stars.corners
-    x, y = xy[v, 0], xy[v, 1]
+    x, y = xy[centre.v, 0], xy[centre.v, 1]
     sx, sy, total, shortest = 0.0, 0.0, 0.0, np.inf
-    for row in range(stars.offsets[i], stars.offsets[i + 1]):
+    for row in range(centre.first, centre.last):
         a, b, c = corners[row, 0], corners[row, 1], corners[row, 2]
         ax, ay = xy[a, 0] - x, xy[a, 1] - y
         cx, cy = xy[c, 0] - x, xy[c, 1] - y
@@ -49,8 +41,8 @@ def star_centroid(xy: FloatArray, stars: Stars, i: int) -> tuple[float, float, f
         sy += area * (ay + by) + other * (by + cy)
         total += area + other
     if not total > 0.0:
-        return 0.0, 0.0, shortest
-    return sx / (3.0 * total), sy / (3.0 * total), shortest
+        return Step(0.0, 0.0, shortest)
+    return Step(sx / (3.0 * total), sy / (3.0 * total), shortest)
 
 
 @parallel_kernel()
@@ -62,10 +54,11 @@ def centroid_sweep(xy: FloatArray, stars: Stars, xy_out: FloatArray, moves: Move
     xy, stars, xy_out, moves
         As in `laplacian.laplacian_sweep`.
     """
-    vertices, lengths, shares = stars.vertices, moves.lengths, moves.shares
+    _, vertices, offsets, corners, _, _ = stars
+    lengths, shares = moves
     for i in prange(vertices.size):
         v = vertices[i]
-        dx, dy, shortest = star_centroid(xy, stars, i)
+        dx, dy, shortest = step_to_centroid(xy, corners, centre_of(vertices, offsets, i))
         xy_out[v, 0] = xy[v, 0] + dx
         xy_out[v, 1] = xy[v, 1] + dy
         lengths[i] = math.sqrt(dx * dx + dy * dy)
@@ -83,10 +76,13 @@ def smart_centroid_sweep(
     xy, stars, colours, good, moves
         As in `star.star_sweep`.
     """
-    unfenced = Fence(np.empty((0, 3)), 0, 0.0)
+    colour_offsets, vertices, offsets, corners, _, _ = stars
+    lengths, shares = moves
+    no_lines = np.empty((0, 3))
     for colour in range(colours[0], colours[1]):
-        start, stop = stars.colour_offsets[colour], stars.colour_offsets[colour + 1]
+        start, stop = colour_offsets[colour], colour_offsets[colour + 1]
         for chunk in prange((stop - start + CHUNK - 1) // CHUNK):
             for i in range(start + chunk * CHUNK, min(start + (chunk + 1) * CHUNK, stop)):
-                dx, dy, shortest = star_centroid(xy, stars, i)
-                guarded_move(xy, stars, i, dx, dy, shortest, good, unfenced, moves)
+                v = centre_of(vertices, offsets, i)
+                wanted = step_to_centroid(xy, corners, v)
+                guarded_move(xy, corners, v, wanted, good, no_lines, NO_FENCE, lengths, shares)

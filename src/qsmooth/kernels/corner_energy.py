@@ -76,13 +76,13 @@ def fixed_half_square(x: float, y: float) -> Quadratic:
 
 
 @lane_helper()
-def product(ux: float, uy: float, wx: float, wy: float) -> Quadratic:
+def dot(ux: float, uy: float, wx: float, wy: float) -> Quadratic:
     """u·w of two edges from the vertex that moves."""
     return Quadratic(ux * wx + uy * wy, -(ux + wx), -(uy + wy), 2.0)
 
 
 @lane_helper()
-def product_with_fixed(ux: float, uy: float, ex: float, ey: float) -> Quadratic:
+def dot_with_fixed(ux: float, uy: float, ex: float, ey: float) -> Quadratic:
     """u·e of an edge u that runs to the vertex that moves, and an edge e that does not change."""
     return Quadratic(ux * ex + uy * ey, ex, ey, 0.0)
 
@@ -164,9 +164,28 @@ def hessian(second: float, x: float, y: float, det: Linear) -> tuple[float, floa
     )
 
 
+# ------------------------------------------------------------------------------- nothing moves
+
+
 @lane_helper()
 def corner_shape(target: Target, ux: float, uy: float, wx: float, wy: float) -> tuple[float, float]:
-    """Numerator and determinant of a corner's energy, where nothing moves."""
-    uu, ww = fixed_half_square(ux, uy), fixed_half_square(wx, wy)
-    uw = product(ux, uy, wx, wy)
-    return numerator(target, uu, uw, ww).value, ux * wy - uy * wx
+    """Numerator and determinant of the energy of a corner."""
+    uu, ww = half_square(ux, uy), half_square(wx, wy)
+    shape = numerator(target, uu, dot(ux, uy, wx, wy), ww)
+    return shape.value, determinant(ux, uy, wx, wy).value
+
+
+@lane_helper()
+def ideal_corner_shape(
+    is_triangle: bool, ux: float, uy: float, wx: float, wy: float
+) -> tuple[float, float]:
+    """Do as `corner_shape` for an equilateral triangle, else a square.
+
+    With the general form the metric `shape` took 15 % longer for quads, 5 % for triangles.
+    """
+    uu, ww = half_square(ux, uy), half_square(wx, wy)
+    if is_triangle:
+        shape = equilateral_numerator(uu, ww, half_square(wx - ux, wy - uy))
+    else:
+        shape = square_numerator(uu, ww)
+    return shape.value, determinant(ux, uy, wx, wy).value

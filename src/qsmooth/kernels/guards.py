@@ -4,8 +4,6 @@ The guard lines of a vertex v are, in each cell (v, a, b, c) or (v, a, c) around
 quad also a→b and b→c: the corners that v takes part in are convex exactly when v is on the left of
 all of them. Its clearance is the smallest signed distance to one. As a minimum of linear functions
 it is concave, so that the mean of places that each keep the clearance keeps it too.
-
-The helpers take a vertex by its position i in `Stars.vertices`.
 """
 
 import math
@@ -13,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from qsmooth._types import FloatArray
-from qsmooth.kernels._jit import helper, strict_helper
+from qsmooth._types import FloatArray, TableArray
+from qsmooth.kernels._jit import helper, inlined_helper, strict_helper
 from qsmooth.kernels.geometry import (
     certainly_left,
     orientation,
@@ -22,7 +20,7 @@ from qsmooth.kernels.geometry import (
     share,
     triangle_scaled_jacobian,
 )
-from qsmooth.kernels.stars import NO_VERTEX, Moves, Stars
+from qsmooth.kernels.stars import NO_VERTEX, Centre, Step
 
 # A clearance may fall by this fraction of the longest edge, or by this many units in the last place
 # of the star's largest coordinate: a vertex that slides along its nearest guard line is not to be
@@ -39,19 +37,14 @@ LINE_DISTANCE, LINE_X, LINE_Y = 0, 1, 2
 
 
 class Fence(NamedTuple):
-    """The guard lines that a step must stay clear of; none where that is known of the step.
+    """How many guard lines a step must stay clear of, and how far from each of them."""
 
-    Attributes
-    ----------
-    lines, n_lines : (any, 3)
-        As `guard_lines` fills them.
-    least
-        The distance to keep from each.
-    """
-
-    lines: FloatArray
     n_lines: int
     least: float
+
+
+# For a step that is known to keep the clearance, or need not.
+NO_FENCE = Fence(0, 0.0)
 
 
 @helper()
@@ -69,13 +62,13 @@ def _add_line(lines: FloatArray, n: int, px: float, py: float, qx: float, qy: fl
 
 @helper()
 def guard_lines(
-    xy: FloatArray, stars: Stars, i: int, lines: FloatArray
+    xy: FloatArray, corners: TableArray, centre: Centre, lines: FloatArray
 ) -> tuple[int, float, float, float]:
     """Fill `lines` with the guard lines of a vertex.
 
     Parameters
     ----------
-    lines : (3 * stars.largest, 3)
+    lines : (3 * cells in the star, 3)
         Overwritten in its first rows.
 
     Returns
@@ -83,12 +76,12 @@ def guard_lines(
     n_lines, longest, shortest, largest
         Longest and shortest of the vertex's edges; largest absolute coordinate of the star.
     """
-    v, corners = stars.vertices[i], stars.corners
+    v = centre.v
     x, y = xy[v, 0], xy[v, 1]
     n = 0
     longest, shortest = 0.0, np.inf
     largest = max(abs(x), abs(y))
-    for row in range(stars.offsets[i], stars.offsets[i + 1]):
+    for row in range(centre.first, centre.last):
         a, b, c = corners[row, 0], corners[row, 1], corners[row, 2]
         largest = max(largest, abs(xy[a, 0]), abs(xy[a, 1]), abs(xy[c, 0]), abs(xy[c, 1]))
         ax, ay = xy[a, 0] - x, xy[a, 1] - y
@@ -139,14 +132,14 @@ def _keeps_corner(
 
 
 @strict_helper()
-def keeps_corners(xy: FloatArray, stars: Stars, i: int, x: float, y: float) -> bool:
+def keeps_corners(xy: FloatArray, corners: TableArray, centre: Centre, x: float, y: float) -> bool:
     """Whether every positive corner that v takes part in is certified positive with v at (x, y).
 
     A corner that is not positive now has nothing to lose.
     """
-    v, corners = stars.vertices[i], stars.corners
+    v = centre.v
     vx, vy = xy[v, 0], xy[v, 1]
-    for row in range(stars.offsets[i], stars.offsets[i + 1]):
+    for row in range(centre.first, centre.last):
         a, b, c = corners[row, 0], corners[row, 1], corners[row, 2]
         ax, ay, cx, cy = xy[a, 0], xy[a, 1], xy[c, 0], xy[c, 1]
         left = certainly_left(x, y, ax, ay, cx, cy)
@@ -164,11 +157,12 @@ def keeps_corners(xy: FloatArray, stars: Stars, i: int, x: float, y: float) -> b
 
 
 @helper()
-def star_scaled_jacobian(xy: FloatArray, stars: Stars, i: int, x: float, y: float) -> float:
+def star_scaled_jacobian(
+    xy: FloatArray, corners: TableArray, centre: Centre, x: float, y: float
+) -> float:
     """Smallest scaled Jacobian of the star's cells with their vertex at (x, y)."""
-    corners = stars.corners
     worst = np.inf
-    for row in range(stars.offsets[i], stars.offsets[i + 1]):
+    for row in range(centre.first, centre.last):
         a, b, c = corners[row, 0], corners[row, 1], corners[row, 2]
         if b != NO_VERTEX:
             score = quad_scaled_jacobian(
@@ -182,7 +176,14 @@ def star_scaled_jacobian(xy: FloatArray, stars: Stars, i: int, x: float, y: floa
 
 @helper()
 def allowed_step(
-    xy: FloatArray, stars: Stars, i: int, dx: float, dy: float, good: float, fence: Fence
+    xy: FloatArray,
+    corners: TableArray,
+    centre: Centre,
+    dx: float,
+    dy: float,
+    good: float,
+    lines: FloatArray,
+    fence: Fence,
 ) -> tuple[float, float]:
     """Take the first of the whole step, its half, quarter and eighth that all guards allow.
 
@@ -193,32 +194,31 @@ def allowed_step(
     good
         The ``"quality"`` guard: the star's smallest scaled Jacobian must not fall, or stay at or
         above this. NaN for no such guard.
-    fence
-        The clearance to keep.
+    lines, fence
+        The guard lines, and the clearance to keep.
 
     Returns
     -------
     x, y
         The place to store: the present one where no step is allowed.
     """
-    v = stars.vertices[i]
-    x, y = xy[v, 0], xy[v, 1]
+    x, y = xy[centre.v, 0], xy[centre.v, 1]
     present = np.nan  # the present quality, once it is needed
     for _ in range(HALVINGS + 1):
         new_x, new_y = x + dx, y + dy
         if (
             (new_x != x or new_y != y)
-            and keeps_clearance(fence.lines, fence.n_lines, dx, dy, fence.least)
-            and keeps_corners(xy, stars, i, new_x, new_y)
+            and keeps_clearance(lines, fence.n_lines, dx, dy, fence.least)
+            and keeps_corners(xy, corners, centre, new_x, new_y)
         ):
             if math.isnan(good):
                 return new_x, new_y
             enough = good if math.isnan(present) else min(good, present)
-            score = star_scaled_jacobian(xy, stars, i, new_x, new_y)
+            score = star_scaled_jacobian(xy, corners, centre, new_x, new_y)
             if score >= enough:
                 return new_x, new_y
             if math.isnan(present):
-                present = star_scaled_jacobian(xy, stars, i, x, y)
+                present = star_scaled_jacobian(xy, corners, centre, x, y)
                 if score >= present:
                     return new_x, new_y
         dx *= 0.5
@@ -226,9 +226,15 @@ def allowed_step(
     return x, y
 
 
-@helper()
+@inlined_helper()
 def store_move(
-    xy: FloatArray, stars: Stars, i: int, x: float, y: float, shortest: float, moves: Moves
+    xy: FloatArray,
+    centre: Centre,
+    x: float,
+    y: float,
+    shortest: float,
+    lengths: FloatArray,
+    shares: FloatArray,
 ) -> None:
     """Put a vertex at (x, y), where `allowed_step` lets it go, and measure its move.
 
@@ -236,33 +242,39 @@ def store_move(
     ----------
     shortest
         Shortest edge of the vertex, before the move.
+    lengths, shares : (n_movable,)
+        As in `stars.Moves`: overwritten for this vertex.
     """
-    v = stars.vertices[i]
-    dx, dy = x - xy[v, 0], y - xy[v, 1]
-    xy[v, 0], xy[v, 1] = x, y
+    dx, dy = x - xy[centre.v, 0], y - xy[centre.v, 1]
+    xy[centre.v, 0], xy[centre.v, 1] = x, y
     length = math.sqrt(dx * dx + dy * dy)
-    moves.lengths[i] = length
-    moves.shares[i] = share(length, shortest)
+    lengths[centre.i] = length
+    shares[centre.i] = share(length, shortest)
 
 
-@helper()
+@inlined_helper()
 def guarded_move(
     xy: FloatArray,
-    stars: Stars,
-    i: int,
-    dx: float,
-    dy: float,
-    shortest: float,
+    corners: TableArray,
+    centre: Centre,
+    step: Step,
     good: float,
+    lines: FloatArray,
     fence: Fence,
-    moves: Moves,
+    lengths: FloatArray,
+    shares: FloatArray,
 ) -> None:
-    """Move a vertex by as much of (dx, dy) as its guards allow, and measure the move.
+    """Move a vertex by as much of its step as its guards allow, and measure the move.
 
-    The parameters are those of `allowed_step` and `store_move`.
+    Parameters
+    ----------
+    good, lines, fence
+        As in `allowed_step`.
+    lengths, shares
+        As in `store_move`.
     """
-    if dx == 0.0 and dy == 0.0:
-        moves.lengths[i], moves.shares[i] = 0.0, 0.0
+    if step.dx == 0.0 and step.dy == 0.0:
+        lengths[centre.i], shares[centre.i] = 0.0, 0.0
         return
-    x, y = allowed_step(xy, stars, i, dx, dy, good, fence)
-    store_move(xy, stars, i, x, y, shortest, moves)
+    x, y = allowed_step(xy, corners, centre, step.dx, step.dy, good, lines, fence)
+    store_move(xy, centre, x, y, step.shortest, lengths, shares)

@@ -9,9 +9,9 @@ import math
 
 import numpy as np
 
-from qsmooth._types import FloatArray
+from qsmooth._types import FloatArray, TableArray
 from qsmooth.kernels._jit import helper, lane_helper
-from qsmooth.kernels.blocks import FIRST, N_QUADS, N_TRIANGLES, SIZE, STAR, Blocks, lane_row
+from qsmooth.kernels.blocks import Block, lane_row
 from qsmooth.kernels.corner_energy import Linear, Quadratic, hessian, quotient
 
 ROW, ROW2, ROW3, ROW4, ROW5, ROW6 = (lane_row(k) for k in range(1, 7))
@@ -29,13 +29,28 @@ FRACTIONS = (1.0, 0.4, 0.1)
 
 @helper()
 def gather_block(
-    xy: FloatArray, blocks: Blocks, b: int, star_xy: FloatArray, s: FloatArray, lengths: FloatArray
+    xy: FloatArray,
+    vertices: TableArray,
+    stars: TableArray,
+    block: Block,
+    star_xy: FloatArray,
+    s: FloatArray,
+    lengths: FloatArray,
 ) -> None:
-    """Fetch the stars of a block's vertices, and clear its accumulators."""
-    vertices, stars = blocks.vertices, blocks.stars
-    first, n, entry = blocks.table[b, FIRST], blocks.table[b, SIZE], blocks.table[b, STAR]
-    for k in range(3 * blocks.table[b, N_QUADS] + 2 * blocks.table[b, N_TRIANGLES]):
-        x, y, row = k * ROW2, k * ROW2 + ROW, entry + k * n
+    """Fetch the stars of a block's vertices, and clear its accumulators.
+
+    Parameters
+    ----------
+    vertices, stars
+        As in `blocks.Blocks`.
+    star_xy, s
+        Scratch, overwritten: two rows for each corner of the star, x and y; the rows above.
+    lengths : (n_movable,)
+        Overwritten with 0 for this block.
+    """
+    first, n = block.first, block.size
+    for k in range(3 * block.n_quads + 2 * block.n_triangles):
+        x, y, row = k * ROW2, k * ROW2 + ROW, block.start + k * n
         for i in range(n):
             w = stars[row + i]
             star_xy[x + i], star_xy[y + i] = xy[w, 0], xy[w, 1]
@@ -93,7 +108,7 @@ def start_trial(s: FloatArray, n: int, fraction: float) -> None:
 
 @helper()
 def store_better(
-    xy: FloatArray, blocks: Blocks, b: int, s: FloatArray, lengths: FloatArray
+    xy: FloatArray, vertices: TableArray, block: Block, s: FloatArray, lengths: FloatArray
 ) -> float:
     """Store the trial places that lower the energy and keep every margin, and measure the moves.
 
@@ -102,9 +117,9 @@ def store_better(
     left
         Lanes that still have a step to take.
     """
-    vertices, first = blocks.vertices, blocks.table[b, FIRST]
+    first = block.first
     left = 0.0
-    for i in range(blocks.table[b, SIZE]):
+    for i in range(block.size):
         if (s[TRIAL + i] < s[ENERGY + i]) & (s[MARGIN + i] > 0.0) & (s[TODO + i] > 0.0):
             v = vertices[first + i]
             xy[v, 0], xy[v, 1] = s[PX + i], s[PY + i]

@@ -5,33 +5,27 @@ import math
 import numpy as np
 from numba import prange
 
-from qsmooth._types import FloatArray
-from qsmooth.kernels._jit import helper, parallel_kernel
+from qsmooth._types import FloatArray, IndexArray
+from qsmooth.kernels._jit import inlined_helper, parallel_kernel
 from qsmooth.kernels.geometry import distance, share
-from qsmooth.kernels.guards import Fence, guarded_move
-from qsmooth.kernels.stars import CHUNK, Moves, Rings, Stars
+from qsmooth.kernels.guards import NO_FENCE, guarded_move
+from qsmooth.kernels.stars import CHUNK, Moves, Rings, Stars, Step, centre_of
 
 
-@helper()
-def mean_of_ring(xy: FloatArray, rings: Rings, v: int) -> tuple[float, float, float]:
-    """Average the places of v's edge neighbours.
-
-    Returns
-    -------
-    dx, dy
-        From v to the mean.
-    shortest
-        Shortest edge of v.
-    """
+@inlined_helper()
+def step_to_ring(
+    xy: FloatArray, ring_offsets: IndexArray, ring_vertices: IndexArray, v: int
+) -> Step:
+    """Step from v to the mean of its edge neighbours."""
     x, y = xy[v, 0], xy[v, 1]
-    first, last = rings.offsets[v], rings.offsets[v + 1]
+    first, last = ring_offsets[v], ring_offsets[v + 1]
     dx, dy, shortest = 0.0, 0.0, np.inf
     for k in range(first, last):
-        w = rings.vertices[k]
+        w = ring_vertices[k]
         dx += xy[w, 0] - x
         dy += xy[w, 1] - y
         shortest = min(shortest, distance(x, y, xy[w, 0], xy[w, 1]))
-    return dx / (last - first), dy / (last - first), shortest
+    return Step(dx / (last - first), dy / (last - first), shortest)
 
 
 @parallel_kernel()
@@ -53,10 +47,12 @@ def laplacian_sweep(
     moves
         Overwritten.
     """
-    vertices, lengths, shares = stars.vertices, moves.lengths, moves.shares
+    vertices = stars.vertices
+    ring_offsets, ring_vertices = rings
+    lengths, shares = moves
     for i in prange(vertices.size):
         v = vertices[i]
-        dx, dy, shortest = mean_of_ring(xy, rings, v)
+        dx, dy, shortest = step_to_ring(xy, ring_offsets, ring_vertices, v)
         xy_out[v, 0] = xy[v, 0] + dx
         xy_out[v, 1] = xy[v, 1] + dy
         lengths[i] = math.sqrt(dx * dx + dy * dy)
@@ -81,10 +77,14 @@ def smart_laplacian_sweep(
     xy, stars, colours, good, moves
         As in `star.star_sweep`.
     """
-    unfenced = Fence(np.empty((0, 3)), 0, 0.0)
+    colour_offsets, vertices, offsets, corners, _, _ = stars
+    ring_offsets, ring_vertices = rings
+    lengths, shares = moves
+    no_lines = np.empty((0, 3))
     for colour in range(colours[0], colours[1]):
-        start, stop = stars.colour_offsets[colour], stars.colour_offsets[colour + 1]
+        start, stop = colour_offsets[colour], colour_offsets[colour + 1]
         for chunk in prange((stop - start + CHUNK - 1) // CHUNK):
             for i in range(start + chunk * CHUNK, min(start + (chunk + 1) * CHUNK, stop)):
-                dx, dy, shortest = mean_of_ring(xy, rings, stars.vertices[i])
-                guarded_move(xy, stars, i, dx, dy, shortest, good, unfenced, moves)
+                v = centre_of(vertices, offsets, i)
+                wanted = step_to_ring(xy, ring_offsets, ring_vertices, v.v)
+                guarded_move(xy, corners, v, wanted, good, no_lines, NO_FENCE, lengths, shares)

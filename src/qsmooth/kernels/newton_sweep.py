@@ -19,15 +19,12 @@ from typing import NamedTuple
 import numpy as np
 from numba import prange
 
-from qsmooth._types import BoolArray, FloatArray, IndexArray
+from qsmooth._types import BoolArray, FloatArray, IndexArray, TableArray
 from qsmooth.kernels._jit import helper, lane_helper, parallel_kernel
-from qsmooth.kernels.blocks import LANES, N_QUADS, N_TRIANGLES, SIZE, Blocks
+from qsmooth.kernels.blocks import LANES, Block, Blocks, block_at
 from qsmooth.kernels.corner_energy import (
-    EQUILATERAL,
-    SQUARE,
     Linear,
     Quadratic,
-    corner_shape,
     determinant,
     determinant_to_next,
     determinant_to_previous,
@@ -35,6 +32,7 @@ from qsmooth.kernels.corner_energy import (
     fixed_half_square,
     half_square,
     hessian,
+    ideal_corner_shape,
     quotient,
     square_numerator,
 )
@@ -247,18 +245,17 @@ def _try_triangle(star: FloatArray, s: FloatArray, k: int, n: int, terms: _Terms
 @helper()
 def _move_block(
     xy: FloatArray,
-    blocks: Blocks,
-    b: int,
+    vertices: TableArray,
+    stars: TableArray,
+    block: Block,
     relaxation: float,
     terms: _Terms,
     star_xy: FloatArray,
     s: FloatArray,
     lengths: FloatArray,
 ) -> None:
-    gather_block(xy, blocks, b, star_xy, s, lengths)
-    n, quads, triangles = (
-        blocks.table[b, SIZE], blocks.table[b, N_QUADS], blocks.table[b, N_TRIANGLES]
-    )  # fmt: skip
+    gather_block(xy, vertices, stars, block, star_xy, s, lengths)
+    n, quads, triangles = block.size, block.n_quads, block.n_triangles
     triangle_rows = quads * ROW6
     for k in range(quads):
         _add_quad(star_xy, s, k * ROW6, n, terms)
@@ -274,7 +271,7 @@ def _move_block(
             _try_quad(star_xy, s, k * ROW6, n, terms)
         for k in range(triangles):
             _try_triangle(star_xy, s, triangle_rows + k * ROW4, n, terms)
-        left = store_better(xy, blocks, b, s, lengths)
+        left = store_better(xy, vertices, block, s, lengths)
         fraction = FRACTIONS[min(attempt, len(FRACTIONS) - 1)]
 
 
@@ -304,12 +301,23 @@ def newton_sweep(
     lengths : (n_movable,)
         Overwritten for the vertices of these colours, in block order. Length of each move.
     """
-    # Here and not in a helper: Numba's parallel loops have to find the class of the tuple.
+    # Not in a helper: a parallel loop has to see the class of a tuple that it takes.
     terms = _Terms(wall.mean_weight, 1.0 / wall.threshold, wall.squarings, 2.0**wall.squarings)
+    colour_blocks, table, vertices, stars, largest = blocks
     for colour in range(colours[0], colours[1]):
-        for b in prange(blocks.colour_blocks[colour], blocks.colour_blocks[colour + 1]):
-            scratch, star_xy = np.empty(N_ROWS * LANES), np.empty(6 * blocks.largest * LANES)
-            _move_block(xy, blocks, b, relaxation, terms, star_xy, scratch, lengths)
+        for b in prange(colour_blocks[colour], colour_blocks[colour + 1]):
+            scratch, star_xy = np.empty(N_ROWS * LANES), np.empty(6 * largest * LANES)
+            _move_block(
+                xy,
+                vertices,
+                stars,
+                block_at(table, b),
+                relaxation,
+                terms,
+                star_xy,
+                scratch,
+                lengths,
+            )
 
 
 @parallel_kernel()
@@ -333,7 +341,7 @@ def cell_energy(
     for c in prange(badness.size):
         first, last = cell_offsets[c], cell_offsets[c + 1]
         triangle = last - first == 3
-        target, best_sine = (EQUILATERAL, SINE_60) if triangle else (SQUARE, 1.0)
+        best_sine = SINE_60 if triangle else 1.0
         worst, total = 0.0, 0.0
         d = cell_vertices[last - 1]
         for k in range(first, last):
@@ -342,7 +350,7 @@ def cell_energy(
             if movable[a] or movable[b] or movable[d]:
                 ux, uy = xy[b, 0] - xy[a, 0], xy[b, 1] - xy[a, 1]
                 wx, wy = xy[d, 0] - xy[a, 0], xy[d, 1] - xy[a, 1]
-                n, det = corner_shape(target, ux, uy, wx, wy)
+                n, det = ideal_corner_shape(triangle, ux, uy, wx, wy)
                 if det > 0.0:
                     lengths = math.sqrt((ux * ux + uy * uy) * (wx * wx + wy * wy))
                     worst = max(worst, best_sine * lengths / det)

@@ -9,10 +9,10 @@ import math
 
 import numpy as np
 
-from qsmooth._types import FloatArray
+from qsmooth._types import FloatArray, TableArray
 from qsmooth.kernels._jit import helper
 from qsmooth.kernels.guards import clearance, guard_lines, keeps_clearance, tolerated_loss
-from qsmooth.kernels.stars import NO_VERTEX, Stars
+from qsmooth.kernels.stars import NO_VERTEX, Centre, Step
 
 # Rows of the thresholds: by kind of cell. Columns: too large, too small; see `thresholds`.
 QUAD, TRIANGLE = 0, 1
@@ -99,14 +99,15 @@ def _add_if_kept(
 @helper()
 def mean_proposal(
     xy: FloatArray,
-    stars: Stars,
-    i: int,
+    corners: TableArray,
+    cells: TableArray,
+    centre: Centre,
     pace: FloatArray,
     angles: FloatArray,
     step: float,
     by_quad: bool,
     lines: FloatArray,
-) -> tuple[float, float, float]:
+) -> Step:
     """Average the accepted proposals that the cells around a vertex v make for it.
 
     Each cell pushes or pulls v and evens it out; `by_quad` adds what its two neighbours' corners
@@ -114,32 +115,29 @@ def mean_proposal(
 
     Parameters
     ----------
-    i
-        Position of v in `stars.vertices`.
+    corners, cells
+        As in `stars.Stars`.
     pace : (n_cells,)
         Multiple of `step` at which each cell proposes; 0 for a cell that proposes nothing.
     angles : (2, 4)
         As `thresholds` tabulates them.
     step
         Fraction of each move that is proposed, in (0, 1].
-    lines : (3 * stars.largest, 3)
+    lines : (3 * cells in the star, 3)
         Scratch: overwritten with the guard lines of v.
 
     Returns
     -------
-    dx, dy
-        Displacement; zero where nothing was accepted.
-    shortest
-        Shortest edge of v.
+    step
+        Zero where nothing was accepted.
     """
-    n_lines, longest, shortest, largest = guard_lines(xy, stars, i, lines)
+    n_lines, longest, shortest, largest = guard_lines(xy, corners, centre, lines)
     loss = tolerated_loss(longest, largest)
     least = clearance(lines, n_lines) - loss
-    v, corners = stars.vertices[i], stars.corners
-    x, y = xy[v, 0], xy[v, 1]
+    x, y = xy[centre.v, 0], xy[centre.v, 1]
     sx, sy, count = 0.0, 0.0, 0
-    for row in range(stars.offsets[i], stars.offsets[i + 1]):
-        stride = step * pace[stars.cells[row]]
+    for row in range(centre.first, centre.last):
+        stride = step * pace[cells[row]]
         if stride == 0.0:
             continue
         a, b, c = corners[row, 0], corners[row, 1], corners[row, 2]
@@ -166,5 +164,5 @@ def mean_proposal(
             lines, n_lines, least, loss, tx * slide, ty * slide, sx, sy, count
         )
     if count == 0:
-        return 0.0, 0.0, shortest
-    return sx / count, sy / count, shortest
+        return Step(0.0, 0.0, shortest)
+    return Step(sx / count, sy / count, shortest)

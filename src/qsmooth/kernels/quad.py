@@ -7,7 +7,7 @@ from qsmooth._types import FloatArray
 from qsmooth.kernels._jit import parallel_kernel
 from qsmooth.kernels.guards import Fence, clearance, guard_lines, guarded_move, tolerated_loss
 from qsmooth.kernels.proposals import mean_proposal
-from qsmooth.kernels.stars import CHUNK, Moves, Stars
+from qsmooth.kernels.stars import CHUNK, Moves, Stars, Step, centre_of
 
 
 @parallel_kernel()
@@ -28,12 +28,13 @@ def quad_proposals(
     wanted : (n_movable, 2)
         Overwritten. Displacement of each vertex.
     """
-    n = stars.vertices.size
-    for chunk in prange((n + CHUNK - 1) // CHUNK):
-        lines = np.empty((3 * stars.largest, 3))
-        for i in range(chunk * CHUNK, min((chunk + 1) * CHUNK, n)):
-            dx, dy, _ = mean_proposal(xy, stars, i, pace, thresholds, step, True, lines)
-            wanted[i, 0], wanted[i, 1] = dx, dy
+    _, vertices, offsets, corners, cells, largest = stars
+    for chunk in prange((vertices.size + CHUNK - 1) // CHUNK):
+        lines = np.empty((3 * largest, 3))
+        for i in range(chunk * CHUNK, min((chunk + 1) * CHUNK, vertices.size)):
+            v = centre_of(vertices, offsets, i)
+            mean = mean_proposal(xy, corners, cells, v, pace, thresholds, step, True, lines)
+            wanted[i, 0], wanted[i, 1] = mean.dx, mean.dy
 
 
 @parallel_kernel()
@@ -57,16 +58,19 @@ def guarded_commit(
     xy, stars, colours, good, moves
         As in `star.star_sweep`.
     """
+    colour_offsets, vertices, offsets, corners, _, largest = stars
+    lengths, shares = moves
     for colour in range(colours[0], colours[1]):
-        start, stop = stars.colour_offsets[colour], stars.colour_offsets[colour + 1]
+        start, stop = colour_offsets[colour], colour_offsets[colour + 1]
         for chunk in prange((stop - start + CHUNK - 1) // CHUNK):
-            lines = np.empty((3 * stars.largest, 3))
+            lines = np.empty((3 * largest, 3))
             for i in range(start + chunk * CHUNK, min(start + (chunk + 1) * CHUNK, stop)):
-                moves.lengths[i], moves.shares[i] = 0.0, 0.0
+                lengths[i], shares[i] = 0.0, 0.0
                 dx, dy = wanted[i, 0], wanted[i, 1]
                 if dx == 0.0 and dy == 0.0:
                     continue
-                n_lines, longest, shortest, largest = guard_lines(xy, stars, i, lines)
-                least = clearance(lines, n_lines) - tolerated_loss(longest, largest)
-                fence = Fence(lines, n_lines, least)
-                guarded_move(xy, stars, i, dx, dy, shortest, good, fence, moves)
+                v = centre_of(vertices, offsets, i)
+                n_lines, longest, shortest, furthest = guard_lines(xy, corners, v, lines)
+                least = clearance(lines, n_lines) - tolerated_loss(longest, furthest)
+                step, fence = Step(dx, dy, shortest), Fence(n_lines, least)
+                guarded_move(xy, corners, v, step, good, lines, fence, lengths, shares)

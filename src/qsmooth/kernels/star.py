@@ -5,9 +5,9 @@ from numba import prange
 
 from qsmooth._types import FloatArray
 from qsmooth.kernels._jit import parallel_kernel
-from qsmooth.kernels.guards import Fence, guarded_move
+from qsmooth.kernels.guards import NO_FENCE, guarded_move
 from qsmooth.kernels.proposals import mean_proposal
-from qsmooth.kernels.stars import CHUNK, Moves, Stars
+from qsmooth.kernels.stars import CHUNK, Moves, Stars, centre_of
 
 
 @parallel_kernel()
@@ -42,12 +42,14 @@ def star_sweep(
     moves
         Overwritten for the vertices of these colours.
     """
+    colour_offsets, vertices, offsets, corners, cells, largest = stars
+    lengths, shares = moves
     for colour in range(colours[0], colours[1]):
-        start, stop = stars.colour_offsets[colour], stars.colour_offsets[colour + 1]
+        start, stop = colour_offsets[colour], colour_offsets[colour + 1]
         for chunk in prange((stop - start + CHUNK - 1) // CHUNK):
-            lines = np.empty((3 * stars.largest, 3))
-            # The mean of places that each keep the clearance keeps it too.
-            kept = Fence(lines, 0, 0.0)
+            lines = np.empty((3 * largest, 3))
             for i in range(start + chunk * CHUNK, min(start + (chunk + 1) * CHUNK, stop)):
-                dx, dy, shortest = mean_proposal(xy, stars, i, pace, thresholds, step, False, lines)
-                guarded_move(xy, stars, i, dx, dy, shortest, good, kept, moves)
+                v = centre_of(vertices, offsets, i)
+                # The mean of places that each keep the clearance keeps it too.
+                wanted = mean_proposal(xy, corners, cells, v, pace, thresholds, step, False, lines)
+                guarded_move(xy, corners, v, wanted, good, lines, NO_FENCE, lengths, shares)

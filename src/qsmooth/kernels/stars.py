@@ -1,10 +1,16 @@
-"""Arrays that travel together: the stars of the movable vertices, rings, and a sweep's moves."""
+"""What travels together: the stars of the movable vertices, rings, and a sweep's moves.
+
+Kernels take the tuples of arrays as they are, unpack them first, and hand arrays to their helpers:
+every look at an array in a tuple counts a reference, which in the loop over the vertices made
+sweeps slower by 20 % (star) to 90 % (aspect ratio). Tuples of numbers cost nothing.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from qsmooth._types import FloatArray, IndexArray, TableArray
+from qsmooth.kernels._jit import inlined_helper
 
 # Stands for the missing opposite vertex where a row of `Stars.corners` is a triangle.
 NO_VERTEX = np.uint32(0xFFFFFFFF)
@@ -62,3 +68,26 @@ class Moves(NamedTuple):
 
     lengths: FloatArray
     shares: FloatArray
+
+
+class Centre(NamedTuple):
+    """One vertex of `Stars`: its position `i` in the lists, its number `v`, its rows."""
+
+    i: int
+    v: int
+    first: int
+    last: int
+
+
+class Step(NamedTuple):
+    """What a method wants a vertex to do, and the length of that vertex's shortest edge."""
+
+    dx: float
+    dy: float
+    shortest: float
+
+
+@inlined_helper()
+def centre_of(vertices: TableArray, offsets: IndexArray, i: int) -> Centre:
+    """Look up the vertex at position i of `Stars.vertices`."""
+    return Centre(i, vertices[i], offsets[i], offsets[i + 1])

@@ -15,7 +15,7 @@ from numba import prange
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray, TableArray
 from qsmooth.kernels._jit import helper, lane_helper, parallel_kernel
-from qsmooth.kernels.blocks import FIRST, LANES, N_QUADS, N_TRIANGLES, SIZE, Blocks
+from qsmooth.kernels.blocks import LANES, Block, Blocks, block_at
 from qsmooth.kernels.corner_energy import (
     Linear,
     determinant,
@@ -127,8 +127,9 @@ def _try_triangle(star: FloatArray, s: FloatArray, k: int, n: int) -> None:
 @helper()
 def _move_block(
     xy: FloatArray,
-    blocks: Blocks,
-    b: int,
+    vertices: TableArray,
+    stars: TableArray,
+    block: Block,
     relaxation: float,
     sizes: FloatArray,
     epsilon: float,
@@ -136,13 +137,10 @@ def _move_block(
     s: FloatArray,
     lengths: FloatArray,
 ) -> None:
-    gather_block(xy, blocks, b, star_xy, s, lengths)
-    vertices, first = blocks.vertices, blocks.table[b, FIRST]
-    n, quads, triangles = (
-        blocks.table[b, SIZE], blocks.table[b, N_QUADS], blocks.table[b, N_TRIANGLES]
-    )  # fmt: skip
+    gather_block(xy, vertices, stars, block, star_xy, s, lengths)
+    n, quads, triangles = block.size, block.n_quads, block.n_triangles
     for i in range(n):
-        s[SOFT + i] = epsilon * sizes[vertices[first + i]]
+        s[SOFT + i] = epsilon * sizes[vertices[block.first + i]]
     triangle_rows = quads * ROW6
     for k in range(quads):
         _add_quad(star_xy, s, k * ROW6, n)
@@ -159,7 +157,7 @@ def _move_block(
         for k in range(triangles):
             _try_triangle(star_xy, s, triangle_rows + k * ROW4, n)
         # No margin is asked for: the mesh need not be valid.
-        left = store_better(xy, blocks, b, s, lengths)
+        left = store_better(xy, vertices, block, s, lengths)
         fraction = FRACTIONS[min(attempt, len(FRACTIONS) - 1)]
 
 
@@ -184,10 +182,22 @@ def untangle_sweep(
     xy, blocks, colours, relaxation, lengths
         As in `newton_sweep.newton_sweep`; the mesh need not be valid.
     """
+    colour_blocks, table, vertices, stars, largest = blocks
     for colour in range(colours[0], colours[1]):
-        for b in prange(blocks.colour_blocks[colour], blocks.colour_blocks[colour + 1]):
-            scratch, star_xy = np.empty(N_ROWS * LANES), np.empty(6 * blocks.largest * LANES)
-            _move_block(xy, blocks, b, relaxation, sizes, epsilon, star_xy, scratch, lengths)
+        for b in prange(colour_blocks[colour], colour_blocks[colour + 1]):
+            scratch, star_xy = np.empty(N_ROWS * LANES), np.empty(6 * largest * LANES)
+            _move_block(
+                xy,
+                vertices,
+                stars,
+                block_at(table, b),
+                relaxation,
+                sizes,
+                epsilon,
+                star_xy,
+                scratch,
+                lengths,
+            )
 
 
 @parallel_kernel()

@@ -207,15 +207,7 @@ class _Run:
         self.stages: list[Stage] = []
         self.seconds = 0.0
         self.stop: Stop | None = Stop.NOTHING_MOVES
-        self._start = SweepRecord(
-            largest_move=0.0,
-            largest_share=0.0,
-            n_moved=0,
-            min_angle=before.worst["min_angle"],
-            max_angle=before.worst["max_angle"],
-            mean_shape=before.mean["shape"],
-            n_invalid=before.n_invalid,
-        )
+        self._start = record_of(before)
 
     def stage(self, setting: Setting, engine: Engine, n_sweeps: int) -> None:
         """Sweep so often at most."""
@@ -270,6 +262,19 @@ class _Run:
             largest_share=self.history[-1].largest_share if self.history else 0.0,
             **known,
         )
+
+
+def record_of(before: Summary) -> SweepRecord:
+    """Note how a mesh is before the first sweep."""
+    return SweepRecord(
+        largest_move=0.0,
+        largest_share=0.0,
+        n_moved=0,
+        min_angle=before.worst["min_angle"],
+        max_angle=before.worst["max_angle"],
+        mean_shape=before.mean["shape"],
+        n_invalid=before.n_invalid,
+    )
 
 
 def record(now: Quality, lengths: FloatArray, shares: FloatArray) -> SweepRecord:

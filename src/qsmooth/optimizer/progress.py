@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from qsmooth._types import FloatArray
 from qsmooth.methods.base import Method
-from qsmooth.methods.driver import gain, record
+from qsmooth.methods.driver import gain, record, record_of
 from qsmooth.metrics import Quality, Summary
 from qsmooth.outcome import Aim, Stage, Stop
 from qsmooth.result import SweepRecord
@@ -38,15 +38,7 @@ class Progress:
         self.stop: Stop | None = None
         self.stages: list[Stage] = []
         self.history: list[SweepRecord] = []
-        self._last = SweepRecord(
-            largest_move=0.0,
-            largest_share=0.0,
-            n_moved=0,
-            min_angle=before.worst["min_angle"],
-            max_angle=before.worst["max_angle"],
-            mean_shape=before.mean["shape"],
-            n_invalid=before.n_invalid,
-        )
+        self._last = record_of(before)
         self._started = time.perf_counter()
 
     @property

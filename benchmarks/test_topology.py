@@ -1,0 +1,60 @@
+"""What a mesh costs before its first sweep: connectivity, colours, stars, triangulation."""
+
+import math
+
+import numpy as np
+import pytest
+
+from meshes import rough_grid
+from qsmooth import Mesh, examples
+from qsmooth.kernels import colouring, delaunay, topology
+from qsmooth.topology import Topology
+
+pytestmark = pytest.mark.benchmark(group="topology")
+
+
+def run(benchmark, kernel, *arguments):
+    """Time one call, compiled by an untimed one."""
+    kernel(*arguments)
+    benchmark(kernel, *arguments)
+
+
+@pytest.mark.parametrize("name", ["stars", "edge_twins"])
+def test_incidence(benchmark, mesh, note, name):
+    note(mesh)
+    run(benchmark, getattr(topology, name), mesh.n_vertices, *mesh.topology.cells)
+
+
+def test_rings(benchmark, mesh, note):
+    note(mesh)
+    run(benchmark, topology.rings, mesh.n_vertices, *mesh.topology.cells, mesh.topology.twins)
+
+
+def test_colours(benchmark, mesh, note):
+    note(mesh)
+    stars = mesh.star_offsets, mesh.star_cells
+    run(benchmark, colouring.colours, ~mesh.is_fixed, *mesh.topology.cells, *stars)
+
+
+def test_mesh_of_a_million_quads(benchmark, note, smoke):
+    points, cells = rough_grid(45 if smoke else 1000)
+    Mesh(*rough_grid(3))
+    mesh = benchmark.pedantic(Mesh, (points, cells), rounds=3)
+    note(mesh)
+
+
+def test_schedule_of_a_million_quads(benchmark, note, smoke):
+    mesh = Mesh(*rough_grid(45 if smoke else 1000))
+    mesh.topology.schedule()
+    everyone = np.ones(mesh.n_vertices, np.bool_)  # a selection is not kept
+    benchmark.pedantic(Topology.schedule, (mesh.topology, True, everyone), rounds=3)
+    note(mesh)
+
+
+@pytest.mark.parametrize("n_points", [500, 20_000])
+def test_triangulate(benchmark, n_points):
+    corners = examples.structured(1, 1).points[[0, 1, 3, 2]]
+    inside = np.random.default_rng(0).random((n_points, 2))
+    points = np.concatenate([corners, inside])
+    order = 4 + np.argsort(np.floor(inside[:, 1] * math.sqrt(n_points / 2)), kind="stable")
+    run(benchmark, delaunay.triangulate, points, order)

@@ -1,0 +1,147 @@
+"""Grids: the unit square in rows of cells, as it is, shaken, folded, bent or squeezed."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from qsmooth._types import FloatArray
+from qsmooth.mesh import Mesh
+
+Kind: TypeAlias = Literal["quad", "triangle", "mixed"]
+
+
+def structured(nx: int = 20, ny: int = 20, *, kind: Kind = "quad") -> Mesh:
+    """Divide the unit square in `nx` by `ny` equal cells.
+
+    Parameters
+    ----------
+    kind
+        ``"quad"``; ``"triangle"`` for two triangles in place of each quad; ``"mixed"`` for that in
+        the left half only.
+    """
+    x, y = np.meshgrid(np.linspace(0.0, 1.0, nx + 1), np.linspace(0.0, 1.0, ny + 1))
+    return _grid(np.stack([x.ravel(), y.ravel()], axis=1), nx, ny, kind)
+
+
+def jittered(
+    nx: int = 20, ny: int = 20, *, amount: float = 0.5, seed: int = 0, kind: Kind = "quad"
+) -> Mesh:
+    """Move the interior vertices of `structured` at random, as far as every cell stays valid.
+
+    Parameters
+    ----------
+    amount
+        The longest move, in cells, 0 or more.
+    """
+    mesh = structured(nx, ny, kind=kind)
+    moves = _random_moves(mesh, nx, ny, amount, seed)
+    for attempt in range(60):
+        moved = mesh.with_points(mesh.points + moves)
+        bad = _scaled_jacobian(moved) <= 0.02
+        if not bad.any():
+            return moved
+        vertices = mesh.cell_vertices[np.repeat(bad, np.diff(mesh.cell_offsets))]
+        moves[vertices] *= 0.8 if attempt < 50 else 0.0
+    return mesh
+
+
+def tangled(
+    nx: int = 20, ny: int = 20, *, amount: float = 1.5, seed: int = 0, kind: Kind = "quad"
+) -> Mesh:
+    """Move the interior vertices of `structured` at random, whatever becomes of the cells.
+
+    Parameters
+    ----------
+    amount
+        The longest move, in cells, 0 or more.
+    """
+    mesh = structured(nx, ny, kind=kind)
+    return mesh.with_points(mesh.points + _random_moves(mesh, nx, ny, amount, seed))
+
+
+def random_interior(nx: int = 20, ny: int = 20, *, seed: int = 0, kind: Kind = "quad") -> Mesh:
+    """Put the interior vertices of `structured` anywhere in the square."""
+    mesh = structured(nx, ny, kind=kind)
+    anywhere = np.random.default_rng(seed).random(mesh.points.shape)
+    return mesh.with_points(np.where(mesh.is_boundary[:, None], mesh.points, anywhere))
+
+
+def bump(n: int = 200, *, height: float = 0.5, width: float = 0.15) -> Mesh:
+    """Press a bump into the bottom of a square grid of `n` by `n` quads.
+
+    ``y + height (1 - y) exp(-((x - 1/2) / width)²)``: a whole region has to move to mend it.
+    """
+    points = structured(n, n).points.copy()
+    x, y = points[:, 0], points[:, 1]
+    points[:, 1] = y + height * (1.0 - y) * np.exp(-(((x - 0.5) / width) ** 2))
+    return _grid(points, n, n, "quad")
+
+
+def notch(n: int = 40, *, depth: float = 0.7, width: float = 0.2, kind: Kind = "quad") -> Mesh:
+    """Cut a sharp notch into the top of a square grid of `n` by `n` cells.
+
+    At its tip the domain is concave: the mean of a vertex's neighbours lies outside.
+    """
+    points = structured(n, n).points.copy()
+    x, y = points[:, 0], points[:, 1]
+    points[:, 1] = y * (1.0 - depth * np.maximum(0.0, 1.0 - np.abs(x - 0.5) / width))
+    return _grid(points, n, n, kind)
+
+
+def boundary_layer(nx: int = 60, ny: int = 24, *, first: float = 1e-5, kind: Kind = "quad") -> Mesh:
+    """Lay thin quads along a wavy wall, the first of height `first`, growing geometrically to 1.
+
+    Wanted anisotropy: what moves must not undo it.
+    """
+    growth = _growth(first, ny)
+    layer = first * np.expm1(np.arange(ny + 1) * math.log(growth)) / (growth - 1.0)
+    layer /= layer[-1]
+    x, y = np.meshgrid(np.linspace(0.0, 3.0, nx + 1), layer)
+    y = y + 0.1 * (1.0 - y) * np.sin(2.0 * math.pi * x)
+    return _grid(np.stack([x.ravel(), y.ravel()], axis=1), nx, ny, kind)
+
+
+def _grid(points: FloatArray, nx: int, ny: int, kind: Kind) -> Mesh:
+    """Join the points of a grid, row by row, to cells."""
+    first = (np.arange(ny)[:, None] * (nx + 1) + np.arange(nx)).ravel()
+    quads = np.stack([first, first + 1, first + nx + 2, first + nx + 1], axis=1)
+    if kind == "quad":
+        return Mesh(points, quads)
+    if kind not in ("triangle", "mixed"):
+        raise ValueError(f"kind must be 'quad', 'triangle' or 'mixed', got {kind!r}")
+    cut = np.ones(len(quads), np.bool_)
+    if kind == "mixed":
+        cut = np.tile(np.arange(nx) < nx // 2, ny)
+    triangles = quads[cut][:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
+    return Mesh(points, [triangles, quads[~cut]] if kind == "mixed" else triangles)
+
+
+def _random_moves(mesh: Mesh, nx: int, ny: int, amount: float, seed: int) -> FloatArray:
+    rng = np.random.default_rng(seed)
+    moves = rng.uniform(-amount, amount, mesh.points.shape) / (nx, ny)
+    moves[mesh.is_boundary] = 0.0
+    return moves
+
+
+def _growth(first: float, n: int) -> float:
+    """Ratio of a geometric series of `n` terms from `first` with the sum one."""
+    low, high = 1.0 + 1e-9, 1e3
+    for _ in range(200):
+        middle = 0.5 * (low + high)
+        if n * math.log(middle) > math.log1p((middle - 1.0) / first):
+            high = middle
+        else:
+            low = middle
+    return 0.5 * (low + high)
+
+
+def _scaled_jacobian(mesh: Mesh) -> FloatArray:
+    # Here, as a kernel brings Numba, which the other grids do not need.
+    from qsmooth.kernels.cell_metrics import scaled_jacobian
+
+    score = np.empty(mesh.n_cells)
+    scaled_jacobian(mesh.xy, mesh.cell_offsets, mesh.cell_vertices, score)
+    return score

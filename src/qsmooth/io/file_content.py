@@ -1,0 +1,248 @@
+"""What a mesh file holds, whatever its format."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from qsmooth._types import FloatArray, IndexArray
+from qsmooth.errors import MeshError
+from qsmooth.io.in_place import InPlace, Slots
+from qsmooth.io.text import line_of
+
+if TYPE_CHECKING:
+    from qsmooth.mesh import Mesh, Surface
+
+Block = tuple[str, IndexArray]
+
+# Cell types that are read, with the vertices of each; all others are refused by name.
+N_VERTICES = {"vertex": 1, "line": 2, "triangle": 3, "quad": 4}
+FACES = ("triangle", "quad")
+
+# Cell data that says which region a cell belongs to, the first found wins; integers only.
+REGION_NAMES = (
+    "region",
+    "regions",
+    "region_id",
+    "RegionId",
+    "material",
+    "materials",
+    "material_id",
+    "MaterialIds",
+    "mat_id",
+    "gmsh:physical",
+    "gmsh:geometrical",
+    "medit:ref",
+    "mfem:attribute",
+    "avsucd:material",
+    "CellEntityIds",
+    "cell_tags",
+)
+
+
+@dataclass
+class FileContent:
+    """One mesh as its file has it.
+
+    Parameters
+    ----------
+    points : (n_vertices, 2) or (n_vertices, 3)
+        As many coordinates as the file has.
+    blocks
+        Cells in the order of the file, in runs of one type; types are named as in meshio,
+        vertices count from 0.
+    tags
+        An integer for each cell of each block (region of a face, marker of a line), or None.
+    names
+        What a tag is called: name -> (tag, dimension).
+    point_data, cell_data, field_data, point_sets, cell_sets
+        As in meshio: cell data is an array for each block, a cell set the cell numbers
+        within each block.
+    extras
+        What else was seen in the file; kept in its own format, lost in any other.
+    notes
+        What was odd in the file and yet could be read rightly.
+    format, ending, data, slots
+        Where it comes from: name of the format, ending and bytes of the file, place of its
+        coordinates.
+        `slots` is None where there is no file or where it cannot be written back.
+    places
+        For each block the byte at which each cell stands, for messages; or None.
+    """
+
+    points: FloatArray
+    blocks: list[Block]
+    tags: list[IndexArray] | None = None
+    names: dict[str, tuple[int, int]] = field(default_factory=dict)
+    point_data: dict[str, Any] = field(default_factory=dict)
+    cell_data: dict[str, list[Any]] = field(default_factory=dict)
+    field_data: dict[str, Any] = field(default_factory=dict)
+    point_sets: dict[str, Any] = field(default_factory=dict)
+    cell_sets: dict[str, list[Any]] = field(default_factory=dict)
+    extras: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    format: str = ""
+    ending: str = ""
+    data: bytes = b""
+    slots: InPlace | None = None
+    places: list[IndexArray] | None = None
+
+    @property
+    def faces(self) -> list[int]:
+        """Numbers of the blocks of triangles and quads."""
+        return [b for b, (kind, _) in enumerate(self.blocks) if kind in FACES]
+
+    @property
+    def points_3d(self) -> FloatArray:
+        """(n_vertices, 3), with z = 0 where the file has none."""
+        return np.pad(self.points, ((0, 0), (0, 3 - self.points.shape[1])))
+
+    @property
+    def plain_points(self) -> FloatArray:
+        """(n_vertices, 2) where z is 0 everywhere, as solvers of flat problems want it."""
+        if self.points.shape[1] == 3 and not self.points[:, 2].any():
+            return np.ascontiguousarray(self.points[:, :2])
+        return self.points
+
+    def of_type(self, *kinds: str) -> list[tuple[IndexArray, IndexArray | None]]:
+        """The cells and tags of each block of these types."""
+        return [
+            (cells, None if self.tags is None else self.tags[b])
+            for b, (kind, cells) in enumerate(self.blocks)
+            if kind in kinds
+        ]
+
+    def check(self) -> None:
+        """Refuse types that cannot be smoothed and vertices that do not exist.
+
+        Raises
+        ------
+        MeshError
+            With the number of offenders and the first of them.
+        """
+        n_vertices = len(self.points)
+        lost = ~np.isfinite(self.points).all(axis=1)
+        if lost.any():
+            vertex = int(np.argmax(lost))
+            where = f"vertex {vertex}"
+            if isinstance(self.slots, Slots) and self.slots.dtype is None:
+                where += f", line {line_of(self.data, int(self.slots.starts[vertex, 0]))}"
+            raise MeshError(f"{int(lost.sum())} vertices are not finite, the first is {where}")
+        refused: dict[str, tuple[int, str]] = {}
+        first_cell = 0
+        for b, (kind, cells) in enumerate(self.blocks):
+            if kind not in N_VERTICES:
+                count, where = refused.get(kind, (0, self._place(b, 0, first_cell)))
+                refused[kind] = (count + len(cells), where)
+            elif cells.size and not (cells.min() >= 0 and cells.max() < n_vertices):
+                bad = (cells < 0) | (cells >= n_vertices)
+                row = int(np.flatnonzero(bad.any(axis=1))[0])
+                raise MeshError(
+                    f"{int(bad.any(axis=1).sum())} {kind} cells name vertices outside the "
+                    f"{n_vertices} of the file, the first is {self._place(b, row, first_cell)}, "
+                    f"vertex {int(cells[row][bad[row]][0])} (counted from 0)"
+                )
+            first_cell += len(cells)
+        if refused:
+            kinds = ", ".join(
+                f"{count} of type {kind}{_reason(kind)} (the first is {where})"
+                for kind, (count, where) in refused.items()
+            )
+            raise MeshError(
+                f"only first-order triangles and quads can be smoothed; there are {kinds}"
+            )
+        if not self.faces:
+            raise MeshError(
+                f"no triangle or quad among {n_vertices} vertices and {first_cell} cells"
+            )
+
+    def _place(self, block: int, row: int, first_cell: int) -> str:
+        where = f"cell {first_cell + row}"
+        if self.places is not None and len(self.places[block]) > row:
+            where += f", line {line_of(self.data, int(self.places[block][row]))}"
+        return where
+
+    def to_mesh(self, surface: Surface) -> Mesh:
+        """Mesh of the triangles and quads, which carries this content with it."""
+        # Here, as Mesh brings Numba, which reading a list of formats does not need.
+        from qsmooth.mesh import Mesh
+
+        self.check()
+        regions = None
+        if self.tags is not None:
+            regions = np.concatenate([self.tags[b] for b in self.faces])
+        lines = [cells for cells, _ in self.of_type("line")]
+        mesh = Mesh(
+            self.points,
+            [self.blocks[b][1] for b in self.faces],
+            surface=surface,
+            regions=regions,
+        )
+        return mesh.with_source(self, np.concatenate([np.empty((0, 2), np.int64), *lines]))
+
+    def losses(self, holds: frozenset[str]) -> list[str]:
+        """What a format that holds only `holds` cannot keep, in words."""
+        lost = []
+        if "z" not in holds and self.plain_points.shape[1] == 3:
+            lost.append("z coordinates")
+        for kind, name in (("line", "line"), ("vertex", "point")):
+            count = sum(len(cells) for cells, _ in self.of_type(kind))
+            if count and kind not in holds:
+                lost.append(f"{count} {name} cells")
+        face_tags = [tags for _, tags in self.of_type(*FACES) if tags is not None]
+        if face_tags and "regions" not in holds:
+            n_regions = len(np.unique(np.concatenate(face_tags)))
+            if n_regions > 1:
+                lost.append(f"{n_regions} regions")
+        kept = {dim for dim, kind in ((0, "vertex"), (1, "line"), (2, "regions")) if kind in holds}
+        names = [n for n, (_, dim) in self.names.items() if not ("names" in holds and dim in kept)]
+        if names:
+            lost.append("group names " + ", ".join(names))
+        for what in ("point_data", "cell_data", "field_data", "point_sets", "cell_sets"):
+            keys = [k for k in getattr(self, what) if k not in (*REGION_NAMES, *self.names)]
+            if keys and what not in holds:
+                lost.append(what.replace("_", " ") + " " + ", ".join(keys))
+        return lost + list(self.extras)
+
+
+def of_mesh(mesh: Mesh) -> FileContent:
+    """FileContent with the mesh's present points: what its file held besides, if it had one."""
+    source = mesh.source
+    points = np.array(mesh.points)
+    if isinstance(source, FileContent):
+        fields = {key: value for key, value in vars(source).items() if key not in ("data", "slots")}
+        return FileContent(**{**fields, "points": points})
+    blocks = [("triangle" if cells.shape[1] == 3 else "quad", cells) for cells in mesh.cells]
+    tags = None
+    if mesh.regions is not None:
+        ends = np.cumsum([len(cells) for _, cells in blocks])
+        tags = np.split(np.asarray(mesh.regions), ends[:-1])
+    return FileContent(points, blocks, tags)
+
+
+def region_tags(cell_data: Mapping[str, list[Any]], blocks: list[Block]) -> list[IndexArray] | None:
+    """Tags from cell data with the name of a region, None where there is none."""
+    for name in REGION_NAMES:
+        arrays = [np.asarray(a) for a in cell_data.get(name, [])]
+        if len(arrays) != len(blocks) or any(a.dtype.kind not in "iu" for a in arrays):
+            continue
+        if any(a.size != len(cells) for a, (_, cells) in zip(arrays, blocks, strict=True)):
+            continue
+        faces = [a for a, (kind, _) in zip(arrays, blocks, strict=True) if kind in FACES]
+        # Gmsh writes physical tags of 0 where there are no physical groups.
+        if name == "gmsh:physical" and not any(a.any() for a in faces):
+            continue
+        return [a.reshape(-1).astype(np.int64) for a in arrays]
+    return None
+
+
+def _reason(kind: str) -> str:
+    if kind.startswith(("polygon", "pentagon", "hexagon")):
+        return ""
+    linear = kind.rstrip("0123456789")
+    if linear in ("line", "triangle", "quad"):
+        return " (second order or higher)"
+    return " (3D or unknown)"

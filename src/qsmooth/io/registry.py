@@ -1,0 +1,89 @@
+"""The formats there are: each module of this package that has the names of one.
+
+Nothing lists them, so a new format is a new module here. They are imported when a file is first
+read or written, not with the package.
+"""
+
+from __future__ import annotations
+
+import sys
+from functools import cache
+from importlib import import_module
+from pkgutil import iter_modules
+from typing import Protocol, cast
+
+from qsmooth.io.file_content import FileContent
+
+# What makes a module a format.
+NAMES = ("NAME", "ENDINGS", "HOLDS", "sniff", "read", "write")
+
+
+class Format(Protocol):
+    """What the module of a format has.
+
+    Two more names may be there. ``PRIORITY``, 0 if it is not: of the formats that share an ending
+    the one with the highest is asked first whether a file is its own, and is the one written.
+    ``REPLACES``, ``(NAME,)`` if it is not: meshio's names for the format, which are then left out.
+    """
+
+    @property
+    def NAME(self) -> str: ...  # noqa: N802
+    @property
+    def ENDINGS(self) -> tuple[str, ...]: ...  # noqa: N802
+    @property
+    def HOLDS(self) -> frozenset[str]: ...  # noqa: N802
+
+    def sniff(self, head: bytes) -> bool:
+        """Whether a file that begins with `head` is of this format."""
+        ...
+
+    def read(self, data: bytes) -> FileContent:
+        """The mesh in these bytes; MeshError where there is none."""
+        ...
+
+    def write(self, content: FileContent) -> bytes:
+        """The bytes of a new file."""
+        ...
+
+
+@cache
+def own_formats() -> tuple[Format, ...]:
+    """The formats that qsmooth reads itself, those of a higher priority first, then by name.
+
+    Raises
+    ------
+    AttributeError
+        If a module has a ``NAME`` and lacks another name of a format.
+    """
+    package = sys.modules[__package__]
+    modules = [
+        import_module(f"{__package__}.{info.name}") for info in iter_modules(package.__path__)
+    ]
+    found = [module for module in modules if hasattr(module, "NAME")]
+    for module in found:
+        if missing := [name for name in NAMES if not hasattr(module, name)]:
+            raise AttributeError(f"{module.__name__} is no format: it lacks {', '.join(missing)}")
+    forms = cast("list[Format]", found)
+    return tuple(sorted(forms, key=lambda form: (-priority(form), form.NAME)))
+
+
+def with_ending(ending: str) -> list[Format]:
+    """The formats with this ending, in lower case; the first is the one written."""
+    return [form for form in own_formats() if ending in form.ENDINGS]
+
+
+def named(name: str) -> Format | None:
+    """The format of this name."""
+    return next((form for form in own_formats() if name == form.NAME), None)
+
+
+def priority(form: Format) -> int:
+    """Rank among the formats that share an ending."""
+    return int(getattr(form, "PRIORITY", 0))
+
+
+def replaced() -> frozenset[str]:
+    """Names that meshio has for the formats that qsmooth reads itself."""
+    return frozenset(
+        name for form in own_formats() for name in getattr(form, "REPLACES", (form.NAME,))
+    )

@@ -1,0 +1,205 @@
+"""meshio: the formats that qsmooth does not read itself, and meshes in memory."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import warnings
+from collections.abc import Iterator, Set
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from qsmooth.errors import MeshError
+from qsmooth.io.file_content import FileContent, region_tags
+from qsmooth.io.files import reason, replace_file
+
+if TYPE_CHECKING:
+    import meshio
+
+# Their files hold no mesh that could be read back.
+NOT_MESHES = frozenset(("svg", "neuroglancer"))
+# One mesh in several files cannot be replaced in one step.
+SEVERAL_FILES = frozenset(("tetgen", "xdmf"))
+
+
+def names(path: Path, without: Set[str]) -> list[str]:
+    """Names of the formats that meshio has for this ending, `without` left out."""
+    import meshio
+
+    found = meshio.extension_to_filetypes.get(path.suffix.lower(), [])
+    return [name for name in found if name not in without | NOT_MESHES]
+
+
+def formats(without: Set[str]) -> dict[str, tuple[str, ...]]:
+    """Names and endings of meshio's formats, `without` left out."""
+    import meshio
+
+    endings: dict[str, list[str]] = {}
+    for ending, found in meshio.extension_to_filetypes.items():
+        for name in found:
+            if name not in without | NOT_MESHES:
+                endings.setdefault(name, []).append(ending)
+    return {name: tuple(found) for name, found in sorted(endings.items())}
+
+
+def read(path: Path, name: str) -> FileContent:
+    """Read through meshio; every way in which it fails is a MeshError."""
+    import meshio
+
+    with _quiet() as said, _as_mesh_error(said):
+        mesh = meshio.read(path, file_format=name)
+    content = content_of(mesh)
+    content.format = name
+    return content
+
+
+def write(content: FileContent, path: Path, name: str) -> list[str]:
+    """Write through meshio, read back what was written and list what is missing there."""
+    import meshio
+
+    if name in SEVERAL_FILES:
+        raise MeshError(f"cannot write '{path}': format {name} takes several files")
+    mesh = meshio_of(content)
+    lost: list[str] = []
+
+    def fill(temporary: Path) -> None:
+        with _quiet() as said, _as_mesh_error(said, f"cannot write '{path}' as {name}"):
+            meshio.write(temporary, mesh, file_format=name)
+            back = meshio.read(temporary, file_format=name)
+        if np.ndim(back.points) != 2 or len(back.points) == 0:
+            raise MeshError(f"cannot write '{path}': format {name} holds none of these cells")
+        lost.extend(_missing(mesh, back))
+
+    try:
+        replace_file(path, fill)
+    except OSError as error:
+        raise MeshError(f"cannot write '{path}': {reason(error)}") from error
+    return lost
+
+
+def content_of(mesh: meshio.Mesh) -> FileContent:
+    """Content of a mesh in memory, checked: meshio takes much that is no mesh.
+
+    Raises
+    ------
+    MeshError
+        If arrays are of a wrong shape or not numbers.
+    """
+    points = np.asarray(mesh.points)
+    if points.ndim != 2 or points.shape[1] not in (2, 3) or points.dtype.kind not in "fiu":
+        raise MeshError(f"points of shape {points.shape} and type {points.dtype}")
+    blocks = []
+    for block in mesh.cells:
+        cells = np.asarray(block.data)
+        if cells.dtype.kind not in "iu" or cells.ndim != 2:
+            if len(cells) == 0:
+                continue
+            cells = np.zeros((len(cells), 1), np.int64)
+            blocks.append((f"{block.type} (not an array of integers)", cells))
+            continue
+        blocks.append((block.type, cells.astype(np.int64)))
+    keep = [b for b, block in enumerate(mesh.cells) if len(block.data)]
+    blocks = [block for block in blocks if len(block[1])]
+    cell_data = {
+        name: [np.asarray(parts[b]) for b in keep] for name, parts in mesh.cell_data.items()
+    }
+    cell_sets = {
+        name: [np.asarray([] if parts[b] is None else parts[b], dtype=np.int64) for b in keep]
+        for name, parts in mesh.cell_sets.items()
+    }
+    groups = {}
+    for name, value in mesh.field_data.items():
+        pair = np.asarray(value)
+        if pair.shape == (2,) and pair.dtype.kind in "iu":  # Gmsh's physical names
+            groups[name] = (int(pair[0]), int(pair[1]))
+    return FileContent(
+        points.astype(np.float64),
+        blocks,
+        region_tags(cell_data, blocks),
+        groups,
+        point_data=dict(mesh.point_data),
+        cell_data=cell_data,
+        field_data=dict(mesh.field_data),
+        point_sets=dict(mesh.point_sets),
+        cell_sets=cell_sets,
+    )
+
+
+def meshio_of(content: FileContent) -> meshio.Mesh:
+    """The content as a mesh of meshio; regions become cell data "region"."""
+    import meshio
+
+    cell_data = dict(content.cell_data)
+    if content.tags is not None and region_tags(cell_data, content.blocks) is None:
+        cell_data["region"] = content.tags
+    return meshio.Mesh(
+        content.points,
+        content.blocks,
+        point_data=content.point_data,
+        cell_data=cell_data,
+        field_data=content.field_data,
+        point_sets=content.point_sets,
+        cell_sets=content.cell_sets,
+    )
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[io.StringIO]:
+    """Keep what meshio prints and warns of; it goes into the message if it fails."""
+    said = io.StringIO()
+    with (
+        contextlib.redirect_stdout(said),
+        contextlib.redirect_stderr(said),
+        warnings.catch_warnings(),
+        np.errstate(all="ignore"),
+    ):
+        warnings.simplefilter("ignore")
+        yield said
+
+
+@contextlib.contextmanager
+def _as_mesh_error(said: io.StringIO, what: str = "") -> Iterator[None]:
+    try:
+        yield
+    except (Exception, SystemExit) as error:  # meshio leaves the interpreter on a bad file
+        words = " ".join(said.getvalue().split()) or str(error) or type(error).__name__
+        if isinstance(error, OSError) and error.strerror:
+            words = error.strerror
+        raise MeshError(f"{what + ': ' if what else ''}meshio says: {words[:300]}") from error
+
+
+def _missing(mesh: meshio.Mesh, back: meshio.Mesh) -> list[str]:
+    """What `mesh` has and `back` lacks or has otherwise."""
+    lost = []
+    old, new = np.asarray(mesh.points, float), np.asarray(back.points, float)
+    n = min(old.shape[1], new.shape[1])
+    if old.shape[0] != new.shape[0]:
+        lost.append(f"{old.shape[0] - new.shape[0]} vertices, and the order of the others")
+    elif not np.array_equal(old[:, :n], new[:, :n]):
+        lost.append(f"digits of coordinates (up to {abs(old[:, :n] - new[:, :n]).max():.2g})")
+    if old.shape[1] > n and old[:, n:].any():
+        lost.append("z coordinates")
+    if not _same_cells(mesh, back):
+        lost.append("order or types of cells")
+    for what in ("point_data", "cell_data", "field_data", "point_sets", "cell_sets"):
+        names = [name for name in getattr(mesh, what) if name not in getattr(back, what)]
+        if names:
+            lost.append(what.replace("_", " ") + " " + ", ".join(names))
+    return lost
+
+
+def _same_cells(mesh: meshio.Mesh, back: meshio.Mesh) -> bool:
+    old = [(block.type, np.asarray(block.data)) for block in mesh.cells]
+    new = [(block.type, np.asarray(block.data)) for block in back.cells]
+    kinds = dict.fromkeys(kind for kind, _ in old)
+    if sum(len(c) for _, c in old) != sum(len(c) for _, c in new):
+        return False
+    return all(
+        np.array_equal(
+            np.concatenate([c for k, c in old if k == kind]),
+            np.concatenate([c for k, c in new if k == kind] or [np.empty((0, 1))]),
+        )
+        for kind in kinds
+    )

@@ -1,0 +1,1 @@
+"""What is shown of meshes and results: tables and figures."""

@@ -1,0 +1,187 @@
+"""Tables of text in sections, with bars: they know nothing of what they show."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.table import Table as RichTable
+
+BEST = "*"
+LONGEST_BAR = 12
+NOTE_WIDTH = 100
+# Eighths of a character cell, from one to seven, then a full one.
+EIGHTHS = "▏▎▍▌▋▊▉█"
+# For terminals whose encoding lacks these.
+PLAIN = str.maketrans(
+    {**dict.fromkeys("▍▌▋▊▉█", "#"), "▏": ".", "▎": ".", "°": "d", "−": "-", "×": "x"}
+)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of a table.
+
+    Attributes
+    ----------
+    label, cells
+        What it says, and its value in each column.
+    best
+        Columns that hold the best value.
+    """
+
+    label: str
+    cells: tuple[str, ...]
+    best: frozenset[int] = frozenset()
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading and the rows under it; `marked` where its rows may have a best value."""
+
+    title: str
+    rows: tuple[Row, ...]
+    marked: bool = False
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows in sections under named columns; prints as plain text, and in colour with rich."""
+
+    columns: tuple[str, ...]
+    sections: tuple[Section, ...]
+    note: str = ""
+    left: bool = False  # texts, not numbers: aligned left
+    title: str = ""
+    corner: str = ""  # name of the first column
+
+    def only(self, columns: Sequence[int]) -> Table:
+        """Keep some of the columns, in this order."""
+
+        def kept(row: Row) -> Row:
+            best = frozenset(n for n, k in enumerate(columns) if k in row.best)
+            return Row(row.label, tuple(row.cells[k] for k in columns), best)
+
+        sections = tuple(
+            Section(s.title, tuple(kept(row) for row in s.rows), s.marked) for s in self.sections
+        )
+        return replace(self, columns=tuple(self.columns[k] for k in columns), sections=sections)
+
+    def __str__(self) -> str:
+        heads = (self.corner, *self.columns)
+        lines = [
+            (row.label, *self._marked(section, row))
+            for section in self.sections
+            for row in section.rows
+        ]
+        widths = [max(map(len, column)) for column in zip(heads, *lines, strict=True)]
+
+        def line(cells: Sequence[str]) -> str:
+            padded = [cells[0].ljust(widths[0])]
+            pad = str.ljust if self.left else str.rjust
+            padded += [pad(c, w) for c, w in zip(cells[1:], widths[1:], strict=True)]
+            return "  ".join(padded).rstrip()
+
+        rule = sum(widths) + 2 * (len(widths) - 1)
+        out = [self.title, ""] if self.title else []
+        out += [line(heads)] if any(self.columns) else []
+        for section in self.sections:
+            out += ["", section.title, "-" * rule] if section.title else ["-" * rule]
+            out += [line((row.label, *self._marked(section, row))) for row in section.rows]
+        if self.note:
+            out += ["", *textwrap.wrap(self.note, NOTE_WIDTH)]
+        return "\n".join(out).lstrip("\n")
+
+    def _marked(self, section: Section, row: Row) -> list[str]:
+        if not section.marked:
+            return list(row.cells)
+        return [f"{c} {BEST if k in row.best else ' '}" for k, c in enumerate(row.cells)]
+
+    def __rich__(self) -> RichTable:
+        from rich import box
+        from rich.table import Table as RichTable
+        from rich.text import Text
+
+        table = RichTable(
+            box=box.SIMPLE_HEAD,
+            caption=self.note or None,
+            caption_justify="left",
+            collapse_padding=True,
+            pad_edge=False,
+        )
+        if self.title:
+            table.title, table.title_justify = Text(self.title, style="bold"), "left"
+        table.show_header = any(self.columns)
+        table.add_column(self.corner, no_wrap=True, header_style="bold")
+        for k, name in enumerate(self.columns):
+            values = [
+                self._marked(section, row)[k] for section in self.sections for row in section.rows
+            ]
+            table.add_column(
+                name,
+                justify="left" if self.left else "right",
+                # Where room is short names are broken, and texts, but no number and no word.
+                min_width=0 if self.left else max(map(len, [*values, *name.split()]), default=0),
+                overflow="fold",
+                header_style="bold",
+            )
+        for n, section in enumerate(self.sections):
+            if section.title:
+                if n:
+                    table.add_row()
+                table.add_row(Text(section.title, style="bold cyan"))
+            for row in section.rows:
+                cells = [
+                    Text(text, style="bold green" if k in row.best else "")
+                    for k, text in enumerate(self._marked(section, row))
+                ]
+                table.add_row(("  " if section.title else "") + row.label, *cells)
+        return table
+
+
+def best_columns(
+    values: Sequence[float], texts: Sequence[str], *, higher_is_better: bool
+) -> frozenset[int]:
+    """Columns of the best value; what reads the same is equal, and among equals none is best."""
+    if len(set(texts)) < 2:
+        return frozenset()
+    known = [value for value in values if not math.isnan(value)]
+    best = texts[values.index(max(known) if higher_is_better else min(known))]
+    return frozenset(k for k, text in enumerate(texts) if text == best)
+
+
+def bar(share: float, length: int) -> str:
+    """Draw a share of a bar, padded to `length` characters; what is not zero is seen."""
+    eighths = math.ceil(min(max(share, 0.0), 1.0) * 8 * length - 1e-9)
+    full, rest = divmod(eighths, 8)
+    return (EIGHTHS[-1] * full + (EIGHTHS[rest - 1] if rest else "")).ljust(length)
+
+
+def percent_text(percent: float) -> str:
+    """Write a share in seven characters."""
+    if percent == 0.0:
+        return "    0 %"
+    return f"{percent:5.1f} %" if percent >= 0.05 else " <0.1 %"
+
+
+def time_text(seconds: float) -> str:
+    """Write a time in seconds, to three figures or milliseconds."""
+    return f"{seconds:.3f} s" if seconds < 10.0 else f"{seconds:.1f} s"
+
+
+def widest(texts: Iterable[str]) -> int:
+    """Characters of the longest text; 0 where there is none."""
+    return max(map(len, texts), default=0)
+
+
+def plain(text: str, encoding: str | None) -> str:
+    """Replace bars and signs that an encoding lacks."""
+    try:
+        text.encode(encoding or "ascii")
+    except (UnicodeEncodeError, LookupError):
+        return text.translate(PLAIN)
+    return text

@@ -1,0 +1,185 @@
+"""Files that are wrong, cut off or of cells that cannot be smoothed are refused in words."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+from format_samples import (
+    ABAQUS,
+    FILES,
+    MEDIT,
+    MFEM,
+    MSH2,
+    OBJ,
+    OFF,
+    PLY,
+    SU2,
+    UCD,
+    content_of,
+)
+from qsmooth.errors import MeshError, MeshWarning
+from qsmooth.io import own_formats, read_mesh
+
+SECOND_ORDER = {
+    "a.vtk": (
+        "# vtk DataFile Version 3.0\nx\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 6 double\n"
+        "0 0 0 1 0 0 0 1 0 .5 0 0 .5 .5 0 0 .5 0\nCELLS 1 7\n6 0 1 2 3 4 5\nCELL_TYPES 1\n22\n",
+        "1 of type triangle6 .*cell 0, line 8",
+    ),
+    "a.msh": (MSH2.replace("7 2 3 6 2 0 25 65 55", "7 9 2 6 2 5 15 25 35 45 55"), "triangle6"),
+    "tetra.msh": (MSH2.replace("7 2 3 6 2 0 25 65 55", "7 4 2 6 2 5 15 25 35"), "tetra .*3D"),
+    "a.inp": (
+        ABAQUS.replace("S3R, ELSET=RIGHT\n3, 25, 65, 55", "CPS6\n3, 5, 15, 25, 35, 45, 55"),
+        "triangle6",
+    ),
+    "solid.inp": (ABAQUS.replace("TYPE=S4,", "TYPE=C3D4,"), "C3D4"),
+    "a.off": (OFF.replace("3\t2 6 5 0.5 0.5 0.5", "5 2 6 5 4 3"), "polygon5 .*cell 2, line 15"),
+    "a.obj": (OBJ + "f 1 2 3 4 5\n", "polygon5"),
+    "a.ply": (PLY.replace("3 2 6 5 1", "5 2 6 5 4 3 1"), "polygon5"),
+    "a.su2": (SU2.replace("5 2 6 5 2", "10 2 6 5 3 2"), "tetra"),
+    "ucd.inp": (UCD.replace("3 8 tri 25 65 55", "3 8 tri6 25 65 55 5 15 35"), "triangle6"),
+    "medit.mesh": (MEDIT.replace("End", "TrianglesP2 1\n1 2 3 4 5 6 0\nEnd"), "triangle6"),
+    "mfem.mesh": (MFEM.replace("8 2 2 6 5", "8 4 2 6 5 3"), "tetra"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SECOND_ORDER)
+def test_cells_that_cannot_be_smoothed_are_named(put, name):
+    content, message = SECOND_ORDER[name]
+    with pytest.raises(MeshError, match=message) as caught:
+        read_mesh(put(name, content))
+    assert name in str(caught.value)
+
+
+# File, what to replace, by what, and the message.
+WRONG = [
+    ("a.off", "8 3 0\n", "8 4 0\n", "4 faces"),
+    ("a.off", "8 3 0\n", "9 3 0\n", "line"),
+    ("a.off", "8 3 0\n", "99999999999 3 0\n", "99999999999 vertices"),
+    ("a.off", "4  1 2 5 4", "4  1 2 5 44", "line 14.*vertex 44"),
+    ("a.off", "4  1 2 5 4", "4  1 2 5", "line 14.*does not fit"),
+    ("a.off", "1.1 0.9", "1.1 abc", "line 9: 'abc' is not a number"),
+    ("a.off", "1.1 0.9", "1.1 nan", "1 vertices are not finite, the first is vertex 4, line 9"),
+    ("flowing.off", "OFF 8 3", "OFF 8 2", "2 faces"),
+    ("a.obj", "v 1 0 0", "v 1 0", "line 5.*three coordinates"),
+    ("a.obj", "f -7 -6 -3 -4", "f -70 -6 -3 -4", "vertices outside"),
+    ("a.obj", "f -7 -6 -3 -4", "f 0 2 3 4", "counts from 1"),
+    ("a.obj", "g left", "nonsense", "line 14: 'nonsense'"),
+    ("v2.msh", "$Nodes\n8", "$Nodes\n9", "line"),
+    ("v2.msh", "$Elements\n5", "$Elements\n6", "line"),
+    ("v2.msh", "$Elements\n5", "$Elements\n4", "EndElements expected"),
+    ("v2.msh", "2 1 2 9 1 5 15", "2 1 2 9 1 5 16", "node id 16"),
+    ("v2.msh", "2 1 2 9 1 5 15", "2 99 2 9 1 5 15", "element type 99"),
+    ("v2.msh", "\n15 1", "\n5 1", "ids come twice"),
+    ("v2.msh", "2.2 0 8", "3.0 0 8", "MSH version 3.0"),
+    ("v4.msh", "2 8 1 8", "2 9 1 8", "says 9 nodes"),
+    ("v4.msh", "4 4 1 4", "4 5 1 4", "says 5 elements"),
+    ("a.vtk", "POINTS 8", "POINTS 9", "line"),
+    ("a.vtk", "POINTS 8", "POINTS -8", "count"),
+    ("a.vtk", "CELLS 5 20", "CELLS 4 20", "CELLS says 4 cells"),
+    ("a.vtk", "CELL_TYPES 5", "CELL_TYPES 4", "line"),
+    ("a.vtk", "POINT_DATA 8", "POINT_DATA 7", "POINT_DATA says 7"),
+    ("a.vtk", "DATASET UNSTRUCTURED_GRID", "DATASET STRUCTURED_POINTS", "STRUCTURED_POINTS"),
+    ("a.vtu", 'NumberOfPoints="8"', 'NumberOfPoints="9"', "says 9 points"),
+    ("a.vtu", 'NumberOfCells="3"', 'NumberOfCells="4"', "says 4 cells"),
+    ("a.vtu", "</Points>", "</Point>", "XML"),
+    ("a.ply", "element vertex 8", "element vertex 9", "line"),
+    ("a.ply", "element face 3", "element face 2", "line"),
+    ("a.ply", "property float y\n", "", "no x and y|more numbers"),
+    ("a.su2", "NPOIN= 8 8", "NPOIN= 9", "NPOIN= says 9 rows, the file has 8"),
+    ("a.su2", "NELEM= 3", "NELEM= 2", "line 15: NELEM= says 2 rows, the file has 3"),
+    ("a.su2", "MARKER_ELEMS= 2", "MARKER_ELEMS= 3", "MARKER_ELEMS= says 3"),
+    ("a.su2", "9 1 2 5 4 1", "9 1 2 5 44 1", "line 14.*44"),
+    ("a.su2", "NDIME= 2", "NDIME= two", "count, not 'two'"),
+    ("a.su2", "NDIME= 2", "NDIME= 2\nNZONE= 2", "2 zones"),
+    ("abaqus.inp", "1, 5, 15, 45, 35", "1, 5, 15, 45, 36", "node id 36"),
+    ("abaqus.inp", "1, 5, 15, 45, 35", "1, 5, 15, 45", "line 15.*id and 4 nodes"),
+    ("abaqus.inp", "TYPE=S4", "TYPE=XYZ", "XYZ"),
+    ("abaqus.inp", "*NODE, NSET=ALL", "*NODE, INPUT=other.inp", "another file"),
+    ("ucd.inp", "8 4 1 0 0", "8 5 1 0 0", "line"),
+    ("ucd.inp", "8 4 1 0 0", "8 400 1 0 0", "400 cells"),
+    ("ucd.inp", "3 8 tri", "3 8 try", "'try' is unknown"),
+    ("medit.mesh", "Vertices\n8", "Vertices\n9", "line"),
+    ("medit.mesh", "Edges 1", "Edges 2", "line"),
+    ("medit.mesh", "Triangles\n1", "Triangles\n100", "too early"),
+    ("mfem.mesh", "elements\n3", "elements\n4", "line"),
+    ("mfem.mesh", "elements\n3", "elements\n2", "is no section"),
+    ("mfem.mesh", "MFEM mesh v1.0", "MFEM NURBS mesh v1.0", "only 'MFEM mesh'"),
+    ("mfem.mesh", "vertices\n8\n2\n", "vertices\n8\nnodes\n", "curved"),
+]
+
+
+@pytest.mark.parametrize(("name", "old", "new", "message"), WRONG)
+def test_wrong_files(put, name, old, new, message):
+    content = FILES[name][0]
+    assert isinstance(content, str)
+    assert old in content
+    path = put(name, content.replace(old, new, 1))
+    with pytest.raises(MeshError, match=message) as caught:
+        read_mesh(path)
+    assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_truncated_anywhere(put, name):
+    """One clear error, or, where only a remark was cut off, the same mesh."""
+    content = content_of(name)
+    whole = read_mesh(put(name, content))
+    for end in range(1, len(content), 11):
+        path = put(name, content[:end])
+        try:
+            mesh = read_mesh(path)
+        except MeshError as error:
+            assert str(path) in str(error)  # noqa: PT017
+            continue
+        n = min(mesh.points.shape[1], whole.points.shape[1])
+        same = np.array_equal(mesh.points[:, :n], whole.points[:, :n])
+        fewer = len(mesh.cells) <= len(whole.cells)
+        assert (same and fewer) or is_open_ended(name), end
+
+
+def is_open_ended(name: str) -> bool:
+    """Formats without counts: a file cut off may be a whole one. MFEM ends with coordinates."""
+    return name in ("a.obj", "abaqus.inp", "mfem.mesh")
+
+
+@pytest.mark.parametrize("ending", sorted({e for form in own_formats() for e in form.ENDINGS}))
+def test_garbage(put, ending):
+    rng = np.random.default_rng(0)
+    for content in (b"garbage\n1 2 3\n", rng.bytes(3000), b"\0" * 100, b"1\n", b"{}", b"<a/>"):
+        path = put(f"a{ending}", content)
+        with pytest.raises(MeshError) as caught:
+            read_mesh(path)
+        assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_damaged_bytes_never_end_in_another_error(put, name):
+    rng = np.random.default_rng(0)
+    content = bytearray(content_of(name))
+    for _ in range(30):
+        damaged = content.copy()
+        for place in rng.integers(0, len(content), 3):
+            damaged[place] = rng.integers(0, 256)
+        path = put(name, bytes(damaged))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", MeshWarning)
+            try:
+                read_mesh(path)
+            except MeshError as error:
+                assert str(path) in str(error)  # noqa: PT017
+
+
+def test_meshio_never_leaves_the_interpreter(put, capsys):
+    for name in ("a.bdf", "a.stl", "a.xdmf", "a.vol", "a.e", "a.med", "a.f3grid", "a.dat"):
+        with pytest.raises(MeshError, match=name):
+            read_mesh(put(name, b"garbage\n1 2 3\n"))
+    assert capsys.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("content", ["", " \n\n", "\t"])
+@pytest.mark.parametrize("name", ["a.off", "a.msh", "a.vtu", "a.bdf"])
+def test_empty_file(put, name, content):
+    with pytest.raises(MeshError, match="empty"):
+        read_mesh(put(name, content))

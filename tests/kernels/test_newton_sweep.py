@@ -1,0 +1,398 @@
+"""Newton sweeps: derivatives against jets and differences, steps against the plain twin."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import reference
+import reference_optimizer as slow
+from meshes import KINDS, fan, grid, place, random_mesh, random_meshes
+from qsmooth import Mesh, Validity, quality
+from qsmooth.kernels import lanes, newton_sweep
+from qsmooth.kernels._jit import use_threads
+from qsmooth.kernels.blocks import LANES, build_blocks
+from qsmooth.kernels.stars import NO_VERTEX
+
+# Weight of the mean, threshold and squarings: the mean alone, walls of every power, both.
+ENERGIES = [
+    (1.0, math.inf, 1),
+    (0.0, 1.0, 1),
+    (1.0, 1.5, 2),
+    (2.0, 1.3, 3),
+    (1.0, 2.0, 4),
+    (0.5, 3.0, 5),
+    (1.0, 1.1, 6),
+]
+
+
+def wall(energy):
+    weight, threshold, squarings = energy
+    return newton_sweep.Wall(float(weight), float(threshold), squarings)
+
+
+def terms(energy):
+    weight, threshold, squarings = energy
+    return newton_sweep._Terms(float(weight), 1.0 / threshold, squarings, 2.0**squarings)
+
+
+def sweep(mesh, energy, *, xy=None, threads=1, colours=None):
+    """Sweep once; returns new coordinates, the vertices in their order and their moves."""
+    blocks = build_blocks(mesh.topology.schedule(True))
+    xy = (mesh.xy if xy is None else xy).copy()
+    moves = np.full(blocks.vertices.size, np.nan)
+    with use_threads(threads):
+        for some in colours or [(0, blocks.colour_blocks.size - 1)]:
+            newton_sweep.newton_sweep(xy, blocks, some, 1.7, wall(energy), moves)
+    return xy, blocks.vertices, moves
+
+
+def lane(mesh, v):
+    """Scratch of a block with one lane, for vertex v: star, scratch, quads, triangles."""
+    schedule = mesh.topology.schedule(True)
+    i = schedule.vertices.tolist().index(v)
+    rows = schedule.corners[schedule.offsets[i] : schedule.offsets[i + 1]]
+    is_triangle = rows[:, 1] == NO_VERTEX
+    quads, triangles = rows[~is_triangle], rows[is_triangle][:, [0, 2]]
+    corners = np.concatenate([quads.ravel(), triangles.ravel()])
+    star = np.zeros(2 * LANES * corners.size)
+    star.reshape(corners.size, 2, LANES)[:, :, 0] = mesh.xy[corners]
+    s = np.zeros(lanes.N_ROWS * LANES)
+    s[lanes.X], s[lanes.Y] = mesh.xy[v]
+    return star, s, len(quads), len(triangles)
+
+
+def derivatives(mesh, v, energy):
+    """Energy, gradient and Hessian of a vertex's star, by the kernel."""
+    star, s, n_quads, n_triangles = lane(mesh, v)
+    for k in range(n_quads):
+        newton_sweep._add_quad(star, s, k * lanes.ROW6, 1, terms(energy))
+    for k in range(n_triangles):
+        row = n_quads * lanes.ROW6 + k * lanes.ROW4
+        newton_sweep._add_triangle(star, s, row, 1, terms(energy))
+    gradient = np.array([s[lanes.GX], s[lanes.GY]])
+    hessian = np.array([[s[lanes.HXX], s[lanes.HXY]], [s[lanes.HXY], s[lanes.HYY]]])
+    return s[lanes.ENERGY], gradient, hessian
+
+
+def trial(mesh, v, z, energy):
+    """Energy and margin with the vertex at z, by the kernel."""
+    star, s, n_quads, n_triangles = lane(mesh, v)
+    s[lanes.PX], s[lanes.PY], s[lanes.MARGIN] = *z, math.inf
+    for k in range(n_quads):
+        newton_sweep._try_quad(star, s, k * lanes.ROW6, 1, terms(energy))
+    for k in range(n_triangles):
+        row = n_quads * lanes.ROW6 + k * lanes.ROW4
+        newton_sweep._try_triangle(star, s, row, 1, terms(energy))
+    return s[lanes.TRIAL], s[lanes.MARGIN]
+
+
+def star_energy(mesh, v, z, energy, *, bound=False):
+    points, cells = reference.as_complex(mesh.xy), reference.as_lists(mesh)
+    return slow.star_energy(slow.places_with(points, v, z), v, cells, *energy, bound=bound)
+
+
+def some_vertices(mesh, count=4):
+    vertices = np.sort(mesh.topology.schedule(True).vertices).tolist()
+    return vertices[:: max(1, len(vertices) // count)]
+
+
+# ------------------------------------------------------------------------------- by hand
+
+
+@pytest.mark.nojit
+def test_energy_of_squares_and_of_equilateral_triangles_is_one_a_term():
+    square = Mesh(*grid(2, 2))
+    # Twelve corners see the centre of four squares; f = g = 1 in each.
+    energy, gradient, hessian = derivatives(square, 4, (3.0, 0.5, 1))
+    assert energy == pytest.approx(12 * (3.0 + 4.0))
+    assert gradient == pytest.approx([0.0, 0.0], abs=1e-13)
+    assert hessian[0, 0] == pytest.approx(hessian[1, 1])
+    hexagon = [(math.cos(k * math.pi / 3), math.sin(k * math.pi / 3)) for k in range(6)]
+    triangles = Mesh([(0.0, 0.0), *hexagon], [(0, 1 + k, 1 + (k + 1) % 6) for k in range(6)])
+    # Six triangles: one f and three g in each.
+    energy, gradient, _ = derivatives(triangles, 0, (3.0, 0.5, 1))
+    assert energy == pytest.approx(6 * 3.0 + 18 * 4.0)
+    assert gradient == pytest.approx([0.0, 0.0], abs=1e-13)
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("energy", ENERGIES)
+def test_the_centre_of_four_squares_comes_home_and_stays(energy):
+    points, cells = grid(2, 2)
+    mesh = Mesh(points, cells)
+    xy, _, moves = sweep(mesh, energy)
+    assert np.array_equal(xy, mesh.xy)
+    assert moves.tolist() == [0.0]
+    points[4] = 1.3, 0.8
+    xy = Mesh(points, cells).xy
+    for _ in range(200):
+        xy, *_ = sweep(mesh, energy, xy=xy)
+    assert xy[4] == pytest.approx((1.0, 1.0), abs=1e-6)
+
+
+@pytest.mark.nojit
+def test_moves_are_lengths_and_only_movable_vertices_move():
+    mesh = random_mesh("mixed", 4, seed=3).mesh
+    xy, vertices, moves = sweep(mesh, (1.0, 1.5, 2))
+    lengths = np.hypot(*(xy - mesh.xy).T)
+    assert lengths[vertices] == pytest.approx(moves, abs=1e-15)
+    assert (moves > 0.0).any()
+    assert not lengths[mesh.is_fixed].any()
+
+
+# ------------------------------------------------------------------------------- derivatives
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("energy", ENERGIES)
+@pytest.mark.parametrize("kind", ["quads", "triangles", "mixed", "annulus", "mixed fan"])
+def test_derivatives_agree_with_jets_and_with_differences(kind, energy):
+    mesh = random_mesh(kind, 4, seed=5, amount=0.4).mesh
+    for v in some_vertices(mesh):
+        own, gradient, hessian = derivatives(mesh, v, energy)
+        jet = star_energy(mesh, v, slow.Jet.variables(mesh.xy[v]), energy, bound=True)
+        scale = np.abs(jet.hessian).max()
+        assert own == pytest.approx(jet.value, rel=1e-12)
+        np.testing.assert_allclose(gradient, jet.gradient, rtol=0, atol=1e-12 * scale)
+        np.testing.assert_allclose(hessian, jet.hessian, rtol=0, atol=1e-12 * scale)
+        # The bound touches the energy: one gradient for both.
+        h = 1e-5
+        differences = [
+            (
+                star_energy(mesh, v, mesh.xy[v] + h * axis, energy)
+                - star_energy(mesh, v, mesh.xy[v] - h * axis, energy)
+            )
+            / (2.0 * h)
+            for axis in np.eye(2)
+        ]
+        assert gradient == pytest.approx(differences, abs=1e-4 * scale)
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("kind", ["quads", "triangles"])
+def test_hessian_of_the_mean_agrees_with_differences_of_gradients(kind):
+    made = random_mesh(kind, 4, seed=8, amount=0.4)
+    mesh, h = made.mesh, 1e-5
+    for v in some_vertices(mesh):
+        _, _, hessian = derivatives(mesh, v, ENERGIES[0])
+        columns = []
+        for axis in np.eye(2):
+            ends = []
+            for sign in (1.0, -1.0):
+                xy = mesh.xy.copy()
+                xy[v] += sign * h * axis
+                ends.append(derivatives(mesh.with_points(xy), v, ENERGIES[0])[1])
+            columns.append((ends[0] - ends[1]) / (2.0 * h))
+        np.testing.assert_allclose(
+            hessian, np.array(columns), rtol=0, atol=1e-5 * np.abs(hessian).max()
+        )
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("energy", ENERGIES)
+@pytest.mark.parametrize("seed", range(4))
+def test_the_hessian_is_positive_definite(seed, energy):
+    mesh = random_mesh("mixed", 4, seed=seed, amount=1.0).mesh
+    for v in some_vertices(mesh, 20):
+        _, gradient, hessian = derivatives(mesh, v, energy)
+        assert np.linalg.eigvalsh(hessian)[0] > 0.0
+        if np.abs(gradient).max() > 1e-9:
+            assert gradient @ np.linalg.solve(hessian, -gradient) < 0.0
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("energy", ENERGIES)
+def test_trial_energy_is_the_energy_and_its_margin_the_smallest_area(energy):
+    mesh = random_mesh("mixed", 4, seed=2, amount=0.5).mesh
+    points, cells = reference.as_complex(mesh.xy), reference.as_lists(mesh)
+    for v in some_vertices(mesh):
+        for shift in (0.0, 0.02):
+            z = mesh.xy[v] + shift
+            found, margin = trial(mesh, v, z, energy)
+            assert found == pytest.approx(star_energy(mesh, v, z, energy), rel=1e-12)
+            moved = [*points[:v], complex(*z), *points[v + 1 :]]
+            areas = [
+                float(reference.determinant(*(moved[w] for w in corner)))
+                for cell in reference.fan(v, cells)
+                for corner in reference.corners(cell)
+                if v in corner
+            ]
+            assert margin == pytest.approx(min(areas), abs=1e-12)
+            assert margin < min(areas)
+
+
+# ------------------------------------------------------------------------------- the sweep
+
+
+def agree(mesh, energy, sweeps=1):
+    xy, points, cells = mesh.xy, reference.as_complex(mesh.xy), reference.as_lists(mesh)
+    size = np.ptp(mesh.xy, axis=0).max()
+    for _ in range(sweeps):
+        xy, order, _ = sweep(mesh, energy, xy=xy)
+        points = slow.newton_sweep(points, cells, order.tolist(), *energy)
+        expected = [(z.real, z.imag) for z in points]
+        np.testing.assert_allclose(xy, expected, rtol=0, atol=1e-9 * size)
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("energy", ENERGIES)
+@pytest.mark.parametrize("kind", ["quads", "mixed", "triangle fan"])
+def test_a_sweep_agrees_with_the_plain_one(kind, energy):
+    agree(random_mesh(kind, 4, seed=4, amount=0.8).mesh, energy)
+
+
+@pytest.mark.parametrize("energy", ENERGIES)
+@pytest.mark.parametrize("kind", KINDS)
+def test_sweeps_of_every_kind_of_mesh_agree_with_the_plain_ones(kind, energy):
+    agree(random_mesh(kind, 5, seed=6, amount=0.7).mesh, energy, sweeps=3)
+
+
+def test_blocks_of_more_than_one_vertex_and_of_more_than_one_block_agree():
+    made = random_mesh("mixed", 22, seed=1, amount=0.6)
+    agree(made.mesh, (1.0, 1.6, 3))
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("valence", [3, 4, 5, 7, 12, 40])
+@pytest.mark.parametrize("kind", ["quad", "triangle", "mixed"])
+def test_one_vertex_of_any_valence_agrees(kind, valence):
+    points, cells = fan(valence, kind)
+    points[0] = 0.31, -0.17
+    agree(Mesh(points, cells), (1.0, 2.0, 3))
+
+
+@given(random_meshes(), st.sampled_from(ENERGIES))
+@settings(max_examples=100)
+def test_energy_never_rises_and_valid_stays_valid_at_every_sweep(made, energy):
+    mesh = made.mesh
+    cells = reference.as_lists(mesh)
+    movable = mesh.topology.schedule(True).vertices.tolist()
+    xy = mesh.xy
+    before = slow.total_energy(reference.as_complex(xy), cells, movable, *energy)
+    for _ in range(3):
+        xy, *_ = sweep(mesh, energy, xy=xy)
+        points = reference.as_complex(xy)
+        assert not any(reference.validity(points, cell) for cell in cells)
+        after = slow.total_energy(points, cells, movable, *energy)
+        # Far from the origin a trial is measured where it is stored.
+        assert after <= before * (1.0 + 1e-9)
+        before = after
+    fixed = mesh.is_fixed
+    assert xy[fixed].tobytes() == mesh.xy[fixed].tobytes()
+
+
+@given(random_meshes(), st.sampled_from(ENERGIES))
+def test_two_threads_give_the_bits_of_one(made, energy):
+    mesh = made.mesh
+    one, _, moves = sweep(mesh, energy)
+    two, _, moves_of_two = sweep(mesh, energy, threads=2)
+    assert one.tobytes() == two.tobytes()
+    assert moves.tobytes() == moves_of_two.tobytes()
+
+
+@pytest.mark.nojit
+def test_colours_one_by_one_are_the_whole_sweep_to_the_bit():
+    mesh = random_mesh("mixed", 4, seed=7, amount=0.6).mesh
+    n_colours = mesh.topology.schedule(True).colour_offsets.size - 1
+    energy = (1.0, 1.5, 2)
+    one, many = (
+        sweep(mesh, energy, colours=some) for some in (None, [(k, k + 1) for k in range(n_colours)])
+    )
+    for left, right in zip(one, many, strict=True):
+        assert left.tobytes() == right.tobytes()
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from(ENERGIES), st.integers(-40, 40))
+def test_scaling_by_a_power_of_two_scales_the_bits(seed, energy, power):
+    made = random_mesh("mixed", 4, seed=seed, amount=0.7)
+    factor = 2.0**power
+    xy, *_ = sweep(made.mesh, energy)
+    other, *_ = sweep(Mesh(made.points * factor, made.cells), energy)
+    # Every quantity scales without rounding but the bound of underflow in a certificate.
+    assert np.array_equal(other, xy * factor)
+
+
+@given(
+    st.integers(0, 2**32 - 1),
+    st.sampled_from(ENERGIES[:4]),
+    st.floats(0.0, 6.0),
+    st.sampled_from([1e-9, 1.0, 1e9]),
+    st.booleans(),
+)
+def test_a_sweep_turns_scales_and_mirrors_with_the_mesh(seed, energy, turn, scale, mirror):
+    made = random_mesh("mixed", 4, seed=seed, amount=0.6)
+    motion = {"turn": turn, "scale": scale, "mirror": mirror}
+    # In one colour order for both: the numbering is the same.
+    xy, *_ = sweep(made.mesh, energy)
+    other, *_ = sweep(Mesh(place(made.points, **motion), made.cells), energy)
+    np.testing.assert_allclose(other, place(xy, **motion), rtol=0.0, atol=1e-8 * scale)
+
+
+@pytest.mark.nojit
+def test_a_vertex_of_a_valid_mesh_never_leaves_its_kernel():
+    # A sliver over which the whole Newton step would be far too long.
+    points = [(0.0, 1e-9), (-1.0, 0.0), (1.0, 0.0), (0.0, 1.0)]
+    mesh = Mesh(points, [(0, 1, 2), (0, 2, 3), (0, 3, 1)])
+    xy = mesh.xy
+    for _ in range(60):
+        xy, *_ = sweep(mesh, (1.0, math.inf, 1), xy=xy)
+        assert quality((xy, [(0, 1, 2), (0, 2, 3), (0, 3, 1)])).n_invalid == 0
+    assert xy[0] == pytest.approx((0.0, 0.36), abs=0.1)
+
+
+# ------------------------------------------------------------------------------- cell energy
+
+
+def cell_energy(mesh, movable):
+    worst, total = np.full((2, mesh.n_cells), np.nan)
+    mask = np.zeros(mesh.n_vertices, np.bool_)
+    mask[movable] = True
+    newton_sweep.cell_energy(mesh.xy, mesh.cell_offsets, mesh.cell_vertices, mask, worst, total)
+    return worst, total
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("kind", ["quads", "triangles", "mixed"])
+def test_cell_energy_agrees_with_the_reference(kind):
+    mesh = random_mesh(kind, 3, seed=11, amount=0.8).mesh
+    movable = some_vertices(mesh, 2)
+    worst, total = cell_energy(mesh, movable)
+    places = mesh.xy.tolist()
+    for c, cell in enumerate(reference.as_lists(mesh)):
+        f, g = slow.terms(places, [cell], set(movable))
+        assert worst[c] == pytest.approx(max(g, default=0.0), rel=1e-12)
+        share = 1.0 if len(cell) == 3 else 1.0 / 4.0
+        assert total[c] == pytest.approx(share * math.fsum(f), rel=1e-12)
+
+
+@pytest.mark.nojit
+def test_badness_is_one_over_the_scaled_jacobian():
+    mesh = random_mesh("mixed", 4, seed=12, amount=0.8).mesh
+    worst, _ = cell_energy(mesh, np.arange(mesh.n_vertices))
+    assert worst == pytest.approx(1.0 / quality(mesh).scaled_jacobian, rel=1e-12)
+
+
+@pytest.mark.nojit
+def test_an_invalid_corner_that_can_change_has_infinite_energy():
+    points, cells = grid(2, 2)
+    points[4] = 2.5, 1.0
+    mesh = Mesh(points, cells)
+    worst, total = cell_energy(mesh, [4])
+    invalid = quality(mesh).validity != Validity.VALID
+    assert np.array_equal(np.isinf(worst), invalid)
+    assert np.array_equal(np.isinf(total), invalid)
+    worst, total = cell_energy(mesh, [])
+    assert not worst.any()
+    assert not total.any()
+
+
+@given(st.sampled_from(sorted(KINDS)), st.integers(0, 2**32 - 1), st.sampled_from([1e-9, 1e9]))
+def test_energies_have_no_unit(kind, seed, scale):
+    made = random_mesh(kind, 4, seed=seed, amount=1.0)
+    everyone = np.arange(len(made.points))
+    own = cell_energy(made.mesh, everyone)
+    scaled = cell_energy(made.mesh.with_points(made.points * scale), everyone)
+    np.testing.assert_allclose(scaled, own, rtol=1e-9)

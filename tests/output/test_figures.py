@@ -1,0 +1,212 @@
+import sys
+
+import numpy as np
+import pytest
+
+from meshes import random_mesh
+from qsmooth import Mesh, quality, smooth
+from qsmooth.examples import spiral
+from qsmooth.metrics import METRICS
+from qsmooth.output import drawing, figures
+from qsmooth.output.drawing import UNDEFINED_COLOUR
+from qsmooth.output.figures import VIEWS, plot_comparison, plot_histograms, plot_mesh, save_figures
+
+pytest.importorskip("matplotlib")
+from matplotlib.colors import to_rgba
+
+pytestmark = pytest.mark.nojit
+
+TILT = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, 0.25]])
+
+
+@pytest.fixture(autouse=True)
+def coarse(monkeypatch):
+    """Fewer pixels, for speed."""
+    monkeypatch.setattr(drawing, "DPI", 40)
+
+
+@pytest.fixture(scope="module")
+def mesh():
+    return spiral(400, seed=1)
+
+
+@pytest.fixture(scope="module")
+def result(mesh):
+    return smooth(mesh, max_sweeps=3)
+
+
+def texts(figure):
+    from matplotlib.text import Text
+
+    return " | ".join(text.get_text() for text in figure.findobj(Text))
+
+
+def polygons(axes):
+    from matplotlib.collections import PolyCollection
+
+    return [c for c in axes.collections if isinstance(c, PolyCollection)]
+
+
+def test_mesh_with_worst_cells_outlined(mesh):
+    figure = plot_mesh(mesh, metric="scaled_jacobian", worst=7)
+    axes = figure.axes[0]
+    assert axes.get_aspect() == 1.0
+    cells, outlined = polygons(axes)
+    assert len(cells.get_paths()) == mesh.n_cells
+    assert len(outlined.get_paths()) == 7
+    worst = quality(mesh).worst(7).cells
+    drawn = np.array([path.vertices[:4] for path in outlined.get_paths()])
+    assert np.array_equal(drawn, mesh.xy[mesh.cells[0][worst]])
+    assert "Outlined: the 7 worst cells" in texts(figure)
+    assert "Cells by scaled Jacobian" in texts(figure)
+
+
+@pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS.keys())
+def test_every_metric_is_drawn(metric):
+    mixed = random_mesh("mixed", 4, seed=2, amount=0.8).mesh
+    figure = plot_mesh(mixed, metric=metric.name, worst=3)
+    words = texts(figure)
+    assert f"Cells by {metric.words}" in words
+    assert ("more is better" if metric.higher_is_better else "less is better") in words
+    values = quality(mixed)[metric.name]
+    assert metric.text(metric.worst_of(values)) in words
+    grey = to_rgba(UNDEFINED_COLOUR)
+    # Triangles are drawn first, then quads.
+    order = np.argsort(mixed.topology.cell_sizes, kind="stable")
+    faces = np.concatenate([c.get_facecolor() for c in polygons(figure.axes[0])[:2]])
+    assert ((faces == grey).all(axis=1) == np.isnan(values[order])).all()
+    assert ("Grey: not defined" in words) == np.isnan(values).any()
+
+
+@pytest.mark.parametrize("metric", [m for m in METRICS.values() if m.bins], ids=lambda m: m.name)
+def test_every_metric_with_bins_has_a_histogram(metric):
+    mixed = random_mesh("mixed", 4, seed=2, amount=0.8).mesh
+    figure = plot_histograms(mixed, metrics=metric.name)
+    (axes,) = figure.axes
+    assert metric.title in axes.get_xlabel()
+    assert sum(bar.get_height() for bar in axes.patches) == pytest.approx(100.0)
+
+
+def test_metrics_without_bins_have_no_histogram(mesh):
+    with pytest.raises(ValueError, match="none of the metrics has a histogram"):
+        plot_histograms(mesh, metrics=["shape"])
+
+
+@pytest.mark.parametrize("corners", [[(1, 1)] * 4, [(0, 0), (1, 0), (1, 1), (0, 1)]])
+def test_a_scale_from_the_mesh_when_all_cells_are_alike(corners):
+    figure = plot_mesh((corners, [[0, 1, 2, 3]]), metric="min_edge")
+    low, high = figure.axes[1].get_ylim()
+    assert low < quality((corners, [[0, 1, 2, 3]])).min_edge[0] < high
+
+
+def test_a_small_mesh_is_not_all_outlined():
+    figure = plot_mesh(([(0, 0), (1, 0), (1, 1), (0, 1)], [[0, 1, 2, 3]]))
+    assert "the 1 worst cell." in texts(figure)
+
+
+@pytest.mark.parametrize("view", VIEWS)
+@pytest.mark.parametrize("metric", ["max_angle", "aspect_ratio"])
+def test_comparison(mesh, result, view, metric):
+    figure = plot_comparison(mesh, result, view=view, metric=metric)
+    words = texts(figure)
+    assert "Before" in words
+    assert "After (Optimise, 3 sweeps)" in words
+    panels = figure.axes[:2]
+    assert all(axes.get_aspect() == 1.0 for axes in panels)
+    if view != "overlay":
+        assert panels[0].get_xlim() == panels[1].get_xlim()
+    if view in ("worst", "narrow", "good"):
+        assert 60 < len(polygons(panels[0])[0].get_paths()) < 300
+
+
+def test_worst_view_shows_the_worst_cell(mesh, result):
+    figure = plot_comparison(mesh, result, view="worst")
+    (low_x, high_x), (low_y, high_y) = figure.axes[0].get_xlim(), figure.axes[0].get_ylim()
+    x, y = mesh.xy[mesh.cells[0][quality(mesh).worst(1).cells[0]]].mean(axis=0)
+    assert low_x < x < high_x
+    assert low_y < y < high_y
+
+
+def test_comparison_takes_pairs(mesh, result):
+    figure = plot_comparison((mesh.points, mesh.cells), result.mesh, title="Mine")
+    assert "Mine" in texts(figure)
+
+
+def test_histograms_of_one_and_of_two(mesh, result):
+    figure = plot_histograms(result)
+    assert len(figure.axes) == 3
+    heights = [bar.get_height() for bar in figure.axes[1].patches]
+    before, after = result.before.histograms["max_angle"], result.after.histograms["max_angle"]
+    assert heights == pytest.approx([*before.percent, *after.percent])
+    assert "Cells not valid: 0 before, 0 after." in texts(figure)
+    one = plot_histograms(mesh)
+    assert len(one.axes[1].patches) == len(before.percent)
+    assert "Cells not valid: 0." in texts(one)
+    pair = plot_histograms(result.before, result.after)
+    assert [bar.get_height() for bar in pair.axes[1].patches] == pytest.approx(heights)
+
+
+def test_tilted_plane(mesh):
+    tilted = Mesh(mesh.points @ TILT, mesh.cells)
+    figure = plot_comparison(tilted, smooth(tilted, max_sweeps=1), view="whole")
+    drawn = np.array([path.vertices[:4] for path in polygons(figure.axes[0])[0].get_paths()])
+    assert np.array_equal(drawn, tilted.xy[tilted.cells[0]])
+
+
+ODD = {
+    "concave": ([(0, 0), (2, 0), (0.5, 0.5), (0, 2)], [[0, 1, 2, 3]]),
+    "crossed": ([(0, 0), (1, 1), (1, 0), (0, 1)], [[0, 1, 2, 3]]),
+    "collapsed to a point": ([(1, 1)] * 4, [[0, 1, 2, 3]]),
+    "collapsed to a line": ([(0, 0), (1, 0), (2, 0), (3, 0)], [[0, 1, 2, 3]]),
+    "triangle": ([(0, 0), (1, 0), (0, 1)], [[0, 1, 2]]),
+    "far away": ([(1e8, 1e8), (1e8 + 1, 1e8), (1e8 + 1, 1e8 + 1), (1e8, 1e8 + 1)], [[0, 1, 2, 3]]),
+}
+
+
+@pytest.mark.parametrize("pair", ODD.values(), ids=ODD.keys())
+def test_odd_meshes_are_drawn(pair, tmp_path):
+    for view in VIEWS:
+        plot_comparison(pair, pair, view=view)
+    plot_comparison(pair, pair, view="worst", path=tmp_path / "worst.png")
+    plot_histograms(pair)
+    plot_mesh(pair, metric="aspect_ratio", path=tmp_path / "mesh.svg")
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_all_figures_are_saved(mesh, result, tmp_path):
+    paths = save_figures(mesh, result, tmp_path / "deep" / "figures")
+    assert len(paths) == 16
+    assert {path.suffix for path in paths} == {".png", ".svg"}
+    for path in paths:
+        head = path.read_bytes()[:5]
+        assert head == (b"\x89PNG\r" if path.suffix == ".png" else b"<?xml")
+
+
+def test_the_same_figure_is_the_same_file(mesh, tmp_path):
+    for name in ("one.svg", "two.svg"):
+        plot_mesh(mesh, path=tmp_path / name)
+    assert (tmp_path / "one.svg").read_bytes() == (tmp_path / "two.svg").read_bytes()
+
+
+def test_no_global_state(mesh):
+    plot_mesh(mesh)
+    pyplot = sys.modules.get("matplotlib.pyplot")
+    assert pyplot is None or not pyplot.get_fignums()
+
+
+def test_options_are_checked(mesh, result):
+    with pytest.raises(ValueError, match="metric must be one of"):
+        plot_mesh(mesh, metric="beauty")
+    with pytest.raises(ValueError, match="worst must be 0 or more"):
+        plot_mesh(mesh, worst=-1)
+    with pytest.raises(ValueError, match="view must be one of"):
+        plot_comparison(mesh, result, view="side")
+    with pytest.raises(ValueError, match="the same cells"):
+        plot_comparison(mesh, spiral(200))
+
+
+def test_missing_matplotlib_says_what_to_install(mesh, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    with pytest.raises(ImportError, match=r"pip install 'qsmooth\[plot\]'"):
+        figures.plot_mesh(mesh)

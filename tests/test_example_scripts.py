@@ -1,0 +1,94 @@
+"""Each script of `examples/` runs as it stands, and does what its first lines say."""
+
+import csv
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import qsmooth
+from qsmooth import quality, read_mesh
+
+SCRIPTS = sorted((Path(__file__).resolve().parent.parent / "examples").glob("*.py"))
+
+
+def smooth_file(said, folder):
+    old, new = (read_mesh(folder / name) for name in ("lake.msh", "lake-smoothed.msh"))
+    before, after = quality(old).summary(), quality(new).summary()
+    assert after.worst["min_angle"] > before.worst["min_angle"] + 10.0
+    assert after.mean["shape"] > before.mean["shape"]
+    assert f"mean shape: {before.mean['shape']:.3f} -> {after.mean['shape']:.3f}" in said
+    assert np.array_equal(old.cells[0], new.cells[0])
+    n_moved = int((old.points != new.points).any(axis=1).sum())
+    assert f"{n_moved} of " in said
+
+
+def moving_boundary(said, folder):
+    rows = re.findall(r"^ .*° +(\d+), (\d+)$", said, re.MULTILINE)
+    assert len(rows) == 12
+    assert all(n_invalid == "0" for n_invalid, _ in rows)
+    assert int(rows[-1][1]) > 0  # what would be folded if nothing were smoothed
+    mesh = read_mesh(folder / "channel.vtk")
+    assert quality(mesh).n_invalid == 0
+    assert mesh.points[:, 1].min() >= 0.0
+    assert mesh.points[20, 1] == pytest.approx(0.6)
+
+
+def worst_cells_only(said, folder):
+    with (folder / "methods.csv").open(encoding="utf-8") as file:
+        rows = {row["method"]: row for row in csv.DictReader(file)}
+    n_bad, n_cells = map(int, re.match(r"(\d+) of (\d+) cells", said).groups())
+    for method, row in rows.items():
+        assert int(row["cells over 160°"]) < n_bad, method
+        assert 0 < int(row["vertices moved"]) < n_cells / 2, method
+    guarded = set(rows) - {"laplacian"}
+    assert all(rows[method]["invalid cells"] == "0" for method in guarded)
+    assert re.search(r"best is ([\w-]+)$", said.strip())[1] in rows
+
+
+def quality_gate(said, folder):
+    report = json.loads((folder / "gate.json").read_text(encoding="utf-8"))
+    assert [entry["verdict"].split(":")[0] for entry in report.values()] == [
+        "passed", "mended", "refused",
+    ]  # fmt: skip
+    assert "refused: no less than 164.1° can be had at vertex" in said
+    mended = quality(read_mesh(folder / "folded.off"))
+    assert mended.n_invalid == 0
+    assert mended.min_angle.min() >= 25.0
+    assert not (folder / "notched.off").exists()
+
+
+CHECKS = {
+    "moving_boundary": (moving_boundary, 0),
+    "quality_gate": (quality_gate, 1),  # one mesh is refused
+    "smooth_file": (smooth_file, 0),
+    "worst_cells_only": (worst_cells_only, 0),
+}
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
+def test_script(script, tmp_path):
+    check, code = CHECKS[script.stem]  # a script without a check is not tested: give it one
+    folder = tmp_path / "out"
+    folder.mkdir()
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-X", "utf8", str(script), str(folder)],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(Path(qsmooth.__file__).resolve().parent.parent)},
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (code, "")
+    check(done.stdout, folder)
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]  # nothing beside the folder given
+
+
+def test_there_are_scripts():
+    assert {script.stem for script in SCRIPTS} == set(CHECKS)
