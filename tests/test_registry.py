@@ -50,8 +50,8 @@ def test_a_method_says_what_it_is(known):
         ("xyzzy", ""),
         (None, ""),
         (3, ""),
-        (["star"], ""),
-        ("untangle", ""),
+        (["star"], "; did you mean 'star'?"),
+        ("untangle", "; that is qsmooth.untangle"),
     ],
 )
 def test_a_name_that_is_none(name, hint):
