@@ -389,7 +389,10 @@ OF_ONE_RUN = [
 
 
 def check(mesh, method):
-    """Hold a method to all that can be seen in one run; a mesh that it refuses, it refuses."""
+    """Hold a method to all that can be seen in one run; a mesh that it refuses, it refuses.
+
+    Gives the run, None where it was refused.
+    """
     points = mesh.points.copy()
     seen, refusal = None, ""
     try:
@@ -401,6 +404,7 @@ def check(mesh, method):
     if seen is not None:
         for promise in OF_ONE_RUN:
             promise(seen)
+    return seen
 
 
 # ------------------------------------------------------------------------------- several runs

@@ -6,8 +6,15 @@ import pytest
 
 from qsmooth.engine import PARALLEL_FROM, Stepwise, Threads, threads_for
 from qsmooth.kernels import _jit
+from qsmooth.kernels._jit import parallel_kernel
 
 pytestmark = pytest.mark.nojit
+
+
+def outside(kernel, ran):
+    """The form of a kernel that is run where no engine is."""
+    kernel()
+    return ran.pop()
 
 
 def test_threads_run_all_colours_at_one_go():
@@ -33,14 +40,18 @@ def test_nothing_to_run(engine):
 
 
 def test_the_threads_are_held_for_the_block_alone_and_given_back_after_an_error():
-    before = _jit._threads.count
-    for engine, count in ((Threads(2), 2), (Threads(1), 1), (Stepwise(), 1)):
-        seen = []
+    ran = []
+    kernel = parallel_kernel()(lambda: None)
+    kernel.serial, kernel.parallel = (lambda form=form: ran.append(form) for form in "sp")
+    kernel()
+    for engine, form in ((Threads(2), "p"), (Threads(1), "s"), (Stepwise(), "s")):
+        ran.clear()
         with contextlib.suppress(KeyError), engine.running():
-            seen.append(_jit._threads.count)
+            kernel()
             raise KeyError
-        assert seen == [count]
-        assert _jit._threads.count == before
+        kernel()
+        assert ran[0] == form
+        assert ran[1] == outside(kernel, ran)
 
 
 def test_the_count_of_threads_goes_by_size_unless_it_is_given(monkeypatch):

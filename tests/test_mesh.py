@@ -7,7 +7,7 @@ import pytest
 
 import reference
 from meshes import grid, random_mesh, tilt, turn_cells
-from qsmooth import Mesh, MeshError, Validity, quality, smooth, smooth_star
+from qsmooth import Mesh, MeshError, Validity, quality, smooth
 
 pytestmark = pytest.mark.nojit
 
@@ -73,7 +73,7 @@ def test_read_only_input_is_taken_and_no_input_is_changed_or_shared():
     for array in arrays:
         array.flags.writeable = False
     mesh = Mesh(points, cells, fixed=fixed, regions=regions)
-    result = smooth_star(mesh)
+    result = smooth(mesh, "star")
     for array, copy in zip(arrays, copies, strict=True):
         assert np.array_equal(array, copy)
         array.flags.writeable = True
@@ -114,7 +114,7 @@ def test_points_keep_the_shape_that_came_in(width):
     mesh = Mesh(points, QUAD)
     assert mesh.points.shape == (4, width)
     assert mesh.xy.shape == (4, 2)
-    assert smooth_star(mesh).points.shape == (4, width)
+    assert smooth(mesh, "star").points.shape == (4, width)
 
 
 # ------------------------------------------------------------------------------- what it refuses
@@ -298,7 +298,7 @@ def test_fixed_vertices_keep_their_bits():
     made = random_mesh("quads", 6, seed=2, amount=0.8)
     inner = np.flatnonzero(~made.mesh.is_boundary)
     chosen = inner[::3]
-    result = smooth_star(Mesh(made.points, made.cells, fixed=chosen), rtol=0.0, max_sweeps=5)
+    result = smooth(Mesh(made.points, made.cells, fixed=chosen), "star", rtol=0.0, max_sweeps=5)
     assert np.array_equal(result.points[chosen], made.points[chosen])
     rest = np.setdiff1d(inner, chosen)
     assert (result.points[rest] != made.points[rest]).any()
@@ -312,13 +312,13 @@ def test_interfaces_are_the_lines_between_regions():
     assert mesh.is_interface.tolist() == expected
     inside = mesh.is_interface & ~mesh.is_boundary
     assert inside.any()
-    kept = smooth_star(mesh, rtol=0.0, max_sweeps=5)
+    kept = smooth(mesh, "star", rtol=0.0, max_sweeps=5)
     assert np.array_equal(kept.points[inside], mesh.points[inside])
     assert (kept.points != mesh.points).any()
-    free = smooth_star(mesh, rtol=0.0, max_sweeps=5, keep_interfaces=False)
+    free = smooth(mesh, "star", rtol=0.0, max_sweeps=5, keep_interfaces=False)
     assert (free.points[inside] != mesh.points[inside]).any()
     assert np.array_equal(free.mesh.regions, regions)
-    without = smooth_star(Mesh(made.points, made.cells), rtol=0.0, max_sweeps=5)
+    without = smooth(Mesh(made.points, made.cells), "star", rtol=0.0, max_sweeps=5)
     assert np.array_equal(free.points, without.points)
 
 
@@ -329,7 +329,7 @@ def test_orphans_stay_and_are_fixed():
     mesh = Mesh(points, [cells[0] + 1])
     assert mesh.is_fixed[[0, 17]].all()
     assert not mesh.is_boundary[[0, 17]].any()
-    result = smooth_star(mesh)
+    result = smooth(mesh, "star")
     assert np.array_equal(result.points[[0, 17]], points[[0, 17]])
     assert (result.points != points).any()
 
@@ -339,7 +339,7 @@ def test_an_orphan_out_of_plane_is_no_matter():
     points[:4, :2] = SQUARE
     points[4] = (0.5, 0.5, 77.0)
     mesh = Mesh(points, QUAD)
-    assert np.array_equal(smooth_star(mesh).points, points)
+    assert np.array_equal(smooth(mesh, "star").points, points)
 
 
 # ------------------------------------------------------------------------------- planes
@@ -357,9 +357,9 @@ def test_a_tilted_plane_is_measured_and_smoothed_in(seed):
         np.testing.assert_allclose(
             getattr(quality(tilted), name), getattr(quality(flat), name), rtol=1e-9, atol=1e-9
         )
-    result = smooth_star(tilted, rtol=0.0, max_sweeps=10)
+    result = smooth(tilted, "star", rtol=0.0, max_sweeps=10)
     assert result.after.n_invalid == 0
-    same = smooth_star(flat, rtol=0.0, max_sweeps=10)
+    same = smooth(flat, "star", rtol=0.0, max_sweeps=10)
     for name, value in same.after.worst.items():
         assert result.after.worst[name] == pytest.approx(value, rel=1e-6, abs=1e-9)
     stays = tilted.is_fixed
@@ -374,7 +374,7 @@ def test_vertices_that_rest_keep_their_bits_in_a_tilted_plane():
     points, cells = grid(6, 3)
     tilted = Mesh(tilt(points), cells)
     points[9] += 0.3  # one vertex is off; far from it the squares are fine
-    result = smooth_star(Mesh(tilt(points), cells), max_sweeps=1)
+    result = smooth(Mesh(tilt(points), cells), "star", max_sweeps=1)
     moved = (result.points != tilt(points)).any(axis=1)
     assert 0 < moved.sum() <= 9
     assert np.array_equal(result.points[~moved], tilt(points)[~moved])
@@ -386,7 +386,7 @@ def test_level_z_is_carried_along_to_the_bit():
     points[12] += 0.3
     z = np.full(25, -5.1)
     points = np.column_stack([points, z])
-    result = smooth_star((points, cells))
+    result = smooth((points, cells), "star")
     assert np.array_equal(result.points[:, 2], z)
     assert (result.points[:, :2] != points[:, :2]).any()
 
@@ -400,9 +400,9 @@ def test_flat_takes_z_as_a_value():
         Mesh(space, cells)
     mesh = Mesh(space, cells, surface="flat")
     assert mesh.surface == "flat"
-    result = smooth_star(mesh)
+    result = smooth(mesh, "star")
     assert np.array_equal(result.points[:, 2], z)
-    assert np.array_equal(result.points[:, :2], smooth_star((points, cells)).points)
+    assert np.array_equal(result.points[:, :2], smooth((points, cells), "star").points)
 
 
 @pytest.mark.parametrize("turned", [0, 1])
@@ -410,7 +410,7 @@ def test_a_vertical_plane_is_a_plane(turned):
     points, cells = grid(3, 3)
     points[5] += 0.2
     space = np.insert(points, turned, 7.0, axis=1)
-    result = smooth_star((space, cells))
+    result = smooth((space, cells), "star")
     assert result.before.n_invalid == result.after.n_invalid == 0
     assert np.abs(result.points[:, turned] - 7.0).max() < 1e-12
     assert result.before.area == pytest.approx(9.0)
