@@ -163,17 +163,11 @@ def invalid_cells(mesh):
 
 def hopeless_cells(mesh, movable):
     """Mark the cells with a corner that is not convex and whose three vertices all stay."""
-    stays = ~movable[mesh.cell_vertices]
-    cells, signs, hopeless = [], corner_signs(mesh), []
+    stays, signs = ~movable[mesh.cell_vertices], corner_signs(mesh)
+    hopeless = []
     for first, last in zip(mesh.cell_offsets[:-1], mesh.cell_offsets[1:], strict=True):
-        cells = range(first, last)
-        n = last - first
-        hopeless.append(
-            any(
-                signs[k] <= 0 and all(stays[first + (k - first + j) % n] for j in (-1, 0, 1))
-                for k in cells
-            )
-        )
+        rest, bad = stays[first:last], signs[first:last] <= 0
+        hopeless.append((bad & rest & np.roll(rest, 1) & np.roll(rest, -1)).any())
     return np.array(hopeless)
 
 

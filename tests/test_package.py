@@ -128,7 +128,7 @@ space = np.column_stack([0.8 * points[:, 0], points[:, 1], 0.6 * points[:, 0]])
 meshes = [
     flat,
     Mesh(space, cells),
-    Mesh(points, [block[:, ::-1] for block in cells], fixed=[9], regions=np.arange(flat.n_cells) % 2),
+    Mesh(points, [b[:, ::-1] for b in cells], fixed=[9], regions=np.arange(flat.n_cells) % 2),
     Mesh(np.asfortranarray(points).astype(np.float32), [block.astype(np.int32) for block in cells]),
     examples.tangled(6, 6, kind="mixed", seed=1),
 ]

@@ -156,7 +156,9 @@ def test_bad_cells_move_by_their_own_step(known):
     points[4] = (1.0, 1.25)
     mesh = Mesh(points, cells)
     at = {
-        angle: smooth(mesh, known(step=0.25, bad_step=0.75, bad_angle=angle, max_sweeps=1)).points[4]
+        angle: smooth(mesh, known(step=0.25, bad_step=0.75, bad_angle=angle, max_sweeps=1)).points[
+            4
+        ]
         for angle in (1.0, 359.0)
     }
     for angle, step in ((1.0, 0.75), (359.0, 0.25)):

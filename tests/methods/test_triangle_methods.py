@@ -22,7 +22,7 @@ def test_by_aspect_ratio_has_nothing_to_do_with_quads_alone():
         smooth(grid(3, 3), "aspect-ratio")
     result = smooth(grid(3, 3), "aspect-ratio", split_quads=True)
     assert result.outcome.cut.quads == 9
-    with pytest.raises(ValueError, match="max_edge_ratio must be 1 or more, got 0.5"):
+    with pytest.raises(ValueError, match=r"max_edge_ratio must be 1 or more, got 0\.5"):
         smooth(grid(3, 3), "aspect-ratio", max_edge_ratio=0.5)
 
 
