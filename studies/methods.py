@@ -44,7 +44,7 @@ def angles_text(summary: Summary) -> str:
 
 def sizes_text(summary: Summary) -> str:
     """Largest aspect ratio, and mean size ratio of neighbours."""
-    return f"{summary.worst['aspect_ratio']:.5g}, {summary.size_jump:.2f}"
+    return f"{summary.worst['aspect_ratio']:.5g}, {summary.mean['size_jump']:.2f}"
 
 
 def print_table(

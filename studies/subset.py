@@ -99,7 +99,7 @@ def row(name: str, result: SmoothResult) -> str:
         f"| {after.worst['min_angle']:5.2f} | {after.worst['aspect_ratio']:6.2f} "
         f"| {after.mean['max_angle']:6.2f} | {after.mean['min_angle']:5.2f} "
         f"| {after.mean['aspect_ratio']:5.3f} | {after.mean['scaled_jacobian']:6.4f} "
-        f"| {after.size_jump:6.3f} | {worse} | {invalid} |"
+        f"| {after.mean['size_jump']:6.3f} | {worse} | {invalid} |"
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 
 def plural(n: int, one: str, many: str = "") -> str:
@@ -15,10 +15,10 @@ def capitalised(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> str:
+def did_you_mean(name: str, known: Iterable[str], spell: Callable[[str], str] = repr) -> str:
     """End a message about a name that is none: "; did you mean 'taper'?", or nothing."""
     from difflib import get_close_matches
 
     plain = {each.replace("_", "-").lower(): each for each in known}
     near = get_close_matches(str(name).replace("_", "-").lower(), plain, n=1)
-    return f"; did you mean {plain[near[0]]!r}?" if near else ""
+    return f"; did you mean {spell(plain[near[0]])}?" if near else ""

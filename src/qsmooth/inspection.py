@@ -9,7 +9,8 @@ import numpy as np
 
 from qsmooth._types import IndexArray
 from qsmooth._words import plural
-from qsmooth.mesh import Mesh, MeshLike, as_mesh
+from qsmooth.adapters import to_mesh
+from qsmooth.mesh import Mesh
 from qsmooth.metrics import Validity, quality
 
 # A vertex hangs on an edge when it is this near to it, as a fraction of the edge's length: files
@@ -109,13 +110,13 @@ class Inspection:
         return plain
 
 
-def inspect(mesh: MeshLike) -> Inspection:
+def inspect(mesh: Any) -> Inspection:
     """Say what a mesh consists of and what is odd about it.
 
     Parameters
     ----------
     mesh
-        A `Mesh`, or a pair ``(points, cells)``.
+        A `Mesh`, a pair ``(points, cells)``, or a mesh of meshio.
 
     Raises
     ------
@@ -124,7 +125,7 @@ def inspect(mesh: MeshLike) -> Inspection:
     """
     from qsmooth.kernels.topology import boundary_loops
 
-    mesh = as_mesh(mesh)
+    mesh = to_mesh(mesh)
     topology = mesh.topology
     sizes = np.diff(mesh.cell_offsets)
     twins = topology.twins

@@ -9,20 +9,35 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+import numbers
 import re
 import types
 import typing
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
-
-import numpy as np
 
 from qsmooth._words import did_you_mean
 
 _METADATA = "qsmooth"
 _NUMBER = r"\s*([-+]?(?:[\d.]+(?:e[-+]?\d+)?|inf))\s*"
 _INTERVAL = re.compile(rf"([\[(]){_NUMBER},{_NUMBER}([\])])")
+# An option in a text, with a value or without: "`bad_step`", "`split_quads='shorter'`".
+_NAMED = re.compile(r"`(\w+(?:=[^`]*)?)`")
+
+
+class OptionError(ValueError):
+    """A value that an option does not take.
+
+    Attributes
+    ----------
+    text
+        The message with options marked, as `spelled` takes it.
+    """
+
+    def __init__(self, text: str) -> None:
+        super().__init__(spelled(text))
+        self.text = text
 
 
 @dataclass(frozen=True)
@@ -71,7 +86,7 @@ class Spec:
     name, default
         As in Python; `default` may be None, which `default_words` explains.
     help
-        One line.
+        One line; other options in it stand in backticks, so that they can be written as in a shell.
     kind
         ``"number"``, ``"integer"``, ``"flag"``, ``"choice"``, or ``"object"``, which only its own
         class can check.
@@ -87,6 +102,8 @@ class Spec:
         What stands for its value in the help of the command line.
     default_words
         The default in words, where the value does not say it.
+    parse
+        Makes a value of the text that a command line gives, where its kind does not say how.
     """
 
     name: str
@@ -100,6 +117,7 @@ class Spec:
     flag: str | None = ""
     metavar: str = ""
     default_words: str = ""
+    parse: Callable[[str], Any] | None = None
 
     @property
     def range_words(self) -> str:
@@ -116,27 +134,27 @@ class Spec:
 
         Raises
         ------
-        ValueError
+        OptionError
             Naming the option, its range and the value.
         """
         if value is None and self.optional:
             return None
         if self.kind == "flag":
-            if not isinstance(value, (bool, np.bool_)):
-                raise ValueError(f"{self.name} must be True or False, got {value!r}")
+            if not _is_truth(value):
+                raise OptionError(f"`{self.name}` must be True or False, got {value!r}")
             return bool(value)
         if self.kind == "choice":
             if not any(value is c or (type(value) is type(c) and value == c) for c in self.choices):
-                raise ValueError(f"{self.name} must be {one_of(self.choices)}, got {value!r}")
+                raise OptionError(f"`{self.name}` must be {one_of(self.choices)}, got {value!r}")
             return value
         if self.kind == "object":
             return value
         whole = self.kind == "integer"
         if not is_number(value, whole):
             what = self.range_words if whole else "a number"
-            raise ValueError(f"{self.name} must be {what or 'an integer'}, got {value!r}")
+            raise OptionError(f"`{self.name}` must be {what or 'an integer'}, got {value!r}")
         if self.interval is not None and value not in self.interval:
-            raise ValueError(f"{self.name} must be {self.range_words}, got {value}")
+            raise OptionError(f"`{self.name}` must be {self.range_words}, got {value}")
         return int(value) if whole else float(value)
 
 
@@ -149,6 +167,7 @@ def option(
     flag: str | None = "",
     metavar: str = "",
     default_words: str = "",
+    parse: Callable[[str], Any] | None = None,
 ) -> Any:
     """Declare a field of an `Options` class; see `Spec` for the arguments.
 
@@ -161,13 +180,21 @@ def option(
         "flag": flag,
         "metavar": metavar,
         "default_words": default_words,
+        "parse": parse,
     }
     return dataclasses.field(default=default, metadata={_METADATA: metadata})
 
 
-def opaque(default: Any, *, help: str, flag: str | None = "", metavar: str = "") -> Any:
+def opaque(
+    default: Any,
+    *,
+    help: str,
+    flag: str | None = "",
+    metavar: str = "",
+    parse: Callable[[str], Any] | None = None,
+) -> Any:
     """Declare an option that is no plain value and so does not count when options are compared."""
-    field = option(default, help=help, flag=flag, metavar=metavar)
+    field = option(default, help=help, flag=flag, metavar=metavar, parse=parse)
     return dataclasses.field(default=default, metadata=field.metadata, compare=False, hash=False)
 
 
@@ -202,7 +229,7 @@ class Options:
         ------
         TypeError
             For a name that is no option; it says what was meant, where that can be told.
-        ValueError
+        OptionError
             For a value out of range.
         """
         for name in options:
@@ -211,6 +238,12 @@ class Options:
                     f"{cls.owner} has no option {name!r}{did_you_mean(name, cls.specs())}"
                 )
         return cls(**options)
+
+    @classmethod
+    def takes(cls, name: str, value: Any) -> bool:
+        """Whether there is such an option and, where it is a choice, whether the value is one."""
+        spec = cls.specs().get(name)
+        return spec is not None and (spec.kind != "choice" or value in spec.choices)
 
     def given(self) -> dict[str, Any]:
         """Options that differ from their defaults, by name."""
@@ -221,6 +254,11 @@ class Options:
         }
 
 
+def spelled(text: str, spell: Callable[[str], str] = str) -> str:
+    """Write the options in a text, which stand in backticks, in another way: with `spell`."""
+    return _NAMED.sub(lambda found: spell(found[1]), text)
+
+
 def one_of(values: Iterable[Any]) -> str:
     """List values in a sentence: "'a', 'b' or 'c'"."""
     words = [repr(value) for value in values]
@@ -229,8 +267,14 @@ def one_of(values: Iterable[Any]) -> str:
 
 def is_number(value: object, whole: bool = False) -> bool:
     """Whether a value is a number (a whole one), NumPy's included, and no truth value."""
-    kinds = (int, np.integer) if whole else (int, float, np.integer, np.floating)
-    return isinstance(value, kinds) and not isinstance(value, (bool, np.bool_))
+    kind = numbers.Integral if whole else numbers.Real  # NumPy's scalars are registered there
+    return isinstance(value, kind) and not _is_truth(value)
+
+
+def _is_truth(value: Any) -> bool:
+    """Whether a value is True or False, NumPy's included; without loading NumPy."""
+    is_numpy = getattr(value, "shape", None) == () and getattr(value.dtype, "kind", "") == "b"
+    return isinstance(value, bool) or is_numpy
 
 
 def _of(words: str) -> str:

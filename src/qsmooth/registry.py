@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from qsmooth._words import did_you_mean
 from qsmooth.methods.base import Method
+from qsmooth.options import OptionError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -41,7 +42,7 @@ def method_class(name: str) -> type[Method]:
 
     Raises
     ------
-    ValueError
+    OptionError
         If there is none; it says what was meant, where that can be told.
     """
     known = methods()
@@ -51,7 +52,7 @@ def method_class(name: str) -> type[Method]:
     hint = did_you_mean(name, names)
     if isinstance(name, str) and name in all_methods():
         hint = f"; that is qsmooth.{name}"
-    raise ValueError(f"method must be one of {', '.join(names)}; got {name!r}{hint}")
+    raise OptionError(f"`method` must be one of {', '.join(names)}; got {name!r}{hint}")
 
 
 def choose(options: Mapping[str, Any]) -> tuple[str, str]:

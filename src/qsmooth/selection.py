@@ -14,6 +14,7 @@ from qsmooth._types import BoolArray
 from qsmooth._words import did_you_mean
 from qsmooth.mesh import Mesh
 from qsmooth.metrics import METRICS, quality
+from qsmooth.options import OptionError
 
 _COMPARE: dict[str, Callable[[Any, Any], Any]] = {
     "<": operator.lt,
@@ -21,6 +22,7 @@ _COMPARE: dict[str, Callable[[Any, Any], Any]] = {
     ">": operator.gt,
     ">=": operator.ge,
 }
+_IDS = re.compile(r"[\d\s,]*\d[\d\s,]*")
 _THRESHOLD = re.compile(r"\s*([\w-]+)\s*(<=|>=|<|>)\s*(\S+)\s*")
 
 
@@ -29,28 +31,37 @@ def parse_threshold(text: str) -> tuple[str, str, float]:
 
     Raises
     ------
-    ValueError
+    OptionError
         If it does not read like that.
     """
     match = _THRESHOLD.fullmatch(text)
-    if match is None:
-        raise ValueError(
-            "selection must be cells or a threshold such as 'max_angle > 150' on one of "
-            f"{', '.join(METRICS)}; got {text!r}"
+    if match is None or match[1].replace("-", "_") not in METRICS:
+        near = "" if match is None else did_you_mean(match[1], METRICS)
+        raise OptionError(
+            "`selection` takes cell ids such as 3,7,12 or a threshold such as 'max_angle > 150' on "
+            f"one of {', '.join(METRICS)}; got {text!r}{near}"
         )
     name, comparison, number = match.groups()
-    if name.replace("-", "_") not in METRICS:
-        raise ValueError(
-            "selection must be cells or a threshold such as 'max_angle > 150' on one of "
-            f"{', '.join(METRICS)}; got {text!r}{did_you_mean(name, METRICS)}"
-        )
     try:
         return name.replace("-", "_"), comparison, float(number)
     except ValueError:
-        raise ValueError(
-            f"selection must be cells or a threshold such as 'max_angle > 150', and {number!r} is "
-            "no number"
+        raise OptionError(
+            f"`selection` takes a threshold such as 'max_angle > 150', and {number!r} is no number"
         ) from None
+
+
+def parse_selection(text: str) -> list[int] | str:
+    """Take a selection in words: cell ids such as ``"3,7,12"``, or a threshold, which stays one.
+
+    Raises
+    ------
+    OptionError
+        If it is neither.
+    """
+    if _IDS.fullmatch(text):
+        return [int(number) for number in re.split(r"[\s,]+", text.strip(" ,"))]
+    parse_threshold(text)
+    return text
 
 
 def select_cells(mesh: Mesh, selection: npt.ArrayLike | str, rings: int = 0) -> BoolArray:
@@ -70,7 +81,7 @@ def select_cells(mesh: Mesh, selection: npt.ArrayLike | str, rings: int = 0) -> 
 
     Raises
     ------
-    ValueError
+    OptionError
         If `selection` is none of these, or has ids that are no cells.
     """
     if isinstance(selection, str):
@@ -94,22 +105,21 @@ def vertices_of(mesh: Mesh, cells: BoolArray) -> BoolArray:
 def _marked(array: npt.NDArray[Any], n_cells: int) -> BoolArray:
     if array.dtype == np.bool_:
         if array.shape != (n_cells,):
-            raise ValueError(
-                f"a selection mask must have the shape ({n_cells},), got {array.shape}"
+            raise OptionError(
+                f"a `selection` mask must have the shape ({n_cells},), got {array.shape}"
             )
         return array.copy()
     marked = np.zeros(n_cells, np.bool_)
     if array.size == 0:
         return marked
     if array.dtype.kind not in "iu" or array.ndim != 1:
-        raise ValueError("selection must be cell ids, a boolean mask or a threshold")
+        raise OptionError("`selection` must be cell ids, a boolean mask or a threshold")
     bad = (array < 0) | (array >= n_cells)
     if bad.any():
         n = int(bad.sum())
-        raise ValueError(
-            f"{n} {'cell id in selection is' if n == 1 else 'cell ids in selection are'} outside "
-            f"0 .. {n_cells - 1}, "
-            f"the first is {array[np.argmax(bad)]}"
+        raise OptionError(
+            f"{n} {'cell id in `selection` is' if n == 1 else 'cell ids in `selection` are'} "
+            f"outside 0 .. {n_cells - 1}, the first is {array[np.argmax(bad)]}"
         )
     marked[array.astype(np.int64)] = True
     return marked

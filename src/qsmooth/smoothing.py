@@ -7,6 +7,7 @@ from typing import Any
 
 from qsmooth.adapters import to_mesh
 from qsmooth.methods.base import Method
+from qsmooth.options import spelled
 from qsmooth.registry import all_methods, choose, method_class, methods
 from qsmooth.result import SmoothResult
 
@@ -87,7 +88,8 @@ def compare(
     names
         Methods, by name or with options; all by default.
     options
-        Each goes to the methods given by name that have it.
+        Each goes to the methods given by name that take it: that have it and, where it is a
+        choice, that value of it.
 
     Returns
     -------
@@ -103,32 +105,33 @@ def compare(
     """
     mesh = to_mesh(mesh)
     chosen = configured(methods() if names is None else names, options)
-    skipped = {method.name: why for method in chosen if (why := method.why_not(mesh))}
+    skipped = {method.name: spelled(why) for method in chosen if (why := method.why_not(mesh))}
     if len(chosen) == 1:
         skipped = {}  # asked for alone it says itself why it can't
     return {m.name: m.run(mesh) for m in chosen if m.name not in skipped}, skipped
 
 
 def configured(names: Iterable[str | Method], options: Mapping[str, Any]) -> list[Method]:
-    """Make methods of names, each with those of the options that it has.
+    """Make methods of names, each with those of the options that it takes.
 
     Raises
     ------
     TypeError
         If an option belongs to none of them.
+    OptionError
+        If none of them takes its value.
     """
     given = [name if isinstance(name, Method) else method_class(name) for name in names]
     classes = [thing for thing in given if isinstance(thing, type)]
-    for option in options:
-        if not any(option in known.specs() for known in classes):
+    own: dict[str, dict[str, Any]] = {known.name: {} for known in classes}
+    for option, value in options.items():
+        having = [known for known in classes if option in known.specs()]
+        if not having:
             known = ", ".join(c.name for c in classes)
             raise TypeError(f"no option {option!r} in any of the methods {known}")
-    return [
-        thing.of({name: value for name, value in options.items() if name in thing.specs()})
-        if isinstance(thing, type)
-        else thing
-        for thing in given
-    ]
+        for taking in [known for known in having if known.takes(option, value)] or having:
+            own[taking.name][option] = value
+    return [thing.of(own[thing.name]) if isinstance(thing, type) else thing for thing in given]
 
 
 def _chosen(method: str | Method, options: dict[str, Any]) -> tuple[Method, str]:

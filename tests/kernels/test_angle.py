@@ -8,7 +8,7 @@ import pytest
 import reference
 import reference_triangles
 from meshes import KINDS, grid, random_mesh
-from qsmooth import Mesh, smooth, smooth_angle, smooth
+from qsmooth import Mesh, smooth
 from qsmooth.kernels.angle import onto_bisector
 
 DIAMOND = [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 1)]

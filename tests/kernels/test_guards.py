@@ -11,8 +11,9 @@ import reference
 from meshes import KINDS, grid, random_mesh
 from qsmooth import Mesh
 from qsmooth.kernels import guards
+from qsmooth.kernels.centres import centre_of
 from qsmooth.kernels.quad import guarded_commit
-from qsmooth.kernels.stars import Moves, centre_of
+from qsmooth.kernels.stars import Moves
 
 pytestmark = pytest.mark.nojit
 

@@ -5,7 +5,7 @@ import pytest
 
 import reference
 from meshes import KINDS, fan, grid, random_mesh
-from qsmooth import Mesh, smooth, smooth
+from qsmooth import Mesh, smooth
 
 
 def agree(mesh, xy, expected):

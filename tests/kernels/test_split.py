@@ -66,7 +66,7 @@ def test_bad_choices_are_named():
     mesh = Mesh(*grid(2, 2))
     with pytest.raises(ValueError, match="diagonal must be one of shorter, first, second"):
         split_quads(mesh, "longer")
-    with pytest.raises(ValueError, match="split_quads must be True, False"):
+    with pytest.raises(ValueError, match="split_quads must be False, True"):
         smooth(mesh, split_quads="longer")
 
 

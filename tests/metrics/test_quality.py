@@ -259,5 +259,5 @@ def test_quality_takes_a_pair_and_measures_once():
     assert own.shape is own.shape
     assert own.n_invalid == 0
     assert own.validity.dtype == np.int64
-    with pytest.raises(TypeError, match=r"expected a Mesh or a pair \(points, cells\), got list"):
+    with pytest.raises(TypeError, match=r"expected a Mesh, .* got list"):
         quality([1, 2])

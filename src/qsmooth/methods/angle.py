@@ -35,7 +35,7 @@ class Angle(SweepingMethod):
     title = "Angle-based"
     purpose = (
         "Each edge turns onto the bisector at its other end; the published baseline for "
-        "triangles. Not stable on quads, which it makes slim: cut them with split_quads."
+        "triangles. Not stable on quads, which it makes slim: cut them with `split_quads`."
     )
 
     step: float = option(1.0, within="(0, 1]", help="Share of the way to the mean that is made.")

@@ -49,7 +49,7 @@ class AspectRatio(GuardedMethod):
         if self.split_quads is False and (mesh.topology.cell_sizes == 4).all():
             return (
                 f"{self.owner} is for triangles and there is none; "
-                "split_quads=True cuts the quads in two"
+                "`split_quads='shorter'` cuts the quads in two"
             )
         return ""
 

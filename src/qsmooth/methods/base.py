@@ -10,7 +10,7 @@ from qsmooth._types import BoolArray
 from qsmooth.mesh import Mesh
 from qsmooth.options import Options, opaque, option
 from qsmooth.result import SmoothResult, SweepRecord
-from qsmooth.selection import select_cells, vertices_of
+from qsmooth.selection import parse_selection, select_cells, vertices_of
 
 Callback: TypeAlias = Callable[[SweepRecord], None]
 
@@ -27,13 +27,15 @@ class Method(Options):
     name, title
         As in ``smooth(mesh, "star")``, and as the head of a column.
     purpose
-        What it is for and when to take it, in a sentence.
+        What it is for and when to take it, in a sentence; options in it stand in backticks.
     guarded
         Whether it keeps valid cells valid; some have an option that says otherwise, see `guards`.
     untangles
         Whether it makes invalid cells valid.
     listed
         Whether it is one to choose among; untangling alone is not.
+    sweeps_a_record
+        Sweeps between two records of its history, and so between two calls of `callback`.
     """
 
     name: ClassVar[str]
@@ -42,6 +44,7 @@ class Method(Options):
     guarded: ClassVar[bool] = True
     untangles: ClassVar[bool] = False
     listed: ClassVar[bool] = True
+    sweeps_a_record: ClassVar[int] = 1
 
     max_sweeps: int = option(50, within="[0, inf)", flag="sweeps", help="Sweeps at most.")
     time_limit: float | None = option(
@@ -54,8 +57,9 @@ class Method(Options):
     selection: Any = opaque(
         None,
         metavar="CELLS",
-        help="Cells whose vertices may move: ids, a mask, or a threshold on a metric, as in "
-        "'max_angle > 150'.",
+        parse=parse_selection,
+        help="Cells whose vertices may move: ids, as in 3,7,12 (in Python also a mask), or a "
+        "threshold on a metric, as in 'max_angle > 150'.",
     )
     selection_rings: int = option(
         0, within="[0, inf)", help="How often the selection grows by the cells that touch it."
@@ -84,7 +88,10 @@ class Method(Options):
         return self.guarded
 
     def why_not(self, mesh: Mesh) -> str:
-        """Say in a line why it can do nothing with the mesh's cells; "" where it can."""
+        """Say in a line why it can do nothing with the mesh's cells; "" where it can.
+
+        Options in it stand in backticks, see `qsmooth.options.spelled`.
+        """
         return ""
 
     def run(self, mesh: Mesh, chosen: str = "") -> SmoothResult:

@@ -16,7 +16,7 @@ from qsmooth.kernels.stars import Moves, Stars
 from qsmooth.mesh import Mesh
 from qsmooth.methods.base import Method
 from qsmooth.metrics import Quality, Summary, Validity, quality
-from qsmooth.options import option
+from qsmooth.options import OptionError, option
 from qsmooth.outcome import Aim, Cut, Invalid, Outcome, Stage, Stop
 from qsmooth.result import History, SmoothResult, SweepRecord
 from qsmooth.split import Diagonal, split_quads
@@ -95,8 +95,8 @@ class SweepingMethod(Method):
     )
     split_quads: bool | Literal["shorter", "first", "second"] = option(
         False,
-        help="Cut each quad in two triangles along this diagonal (True: the shorter) and smooth "
-        "these; only they are guarded.",
+        help="Cut each quad in two triangles along this diagonal (in Python True: the shorter) and "
+        "smooth these; only they are guarded.",
     )
 
     def start(self, setting: Setting) -> Sweep:
@@ -169,7 +169,7 @@ class SweepingMethod(Method):
         if self.split_quads is not False and (mesh.topology.cell_sizes == 4).any():
             return split_quads(mesh, self.diagonal)
         if reason := self.why_not(mesh):
-            raise ValueError(reason)
+            raise OptionError(reason)
         return mesh
 
     def _good(self, cut: Mesh, mesh: Mesh, before: Summary) -> float:

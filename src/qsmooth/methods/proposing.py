@@ -9,7 +9,7 @@ import numpy as np
 
 from qsmooth._types import FloatArray
 from qsmooth.methods.driver import GuardedMethod, Setting
-from qsmooth.options import option
+from qsmooth.options import OptionError, option
 from qsmooth.outcome import Aim
 
 
@@ -55,10 +55,10 @@ class ProposingMethod(GuardedMethod):
         180.0,
         within="(0, 360)",
         unit="degrees",
-        help="Cells with a larger angle propose moves by bad_step instead of step.",
+        help="Cells with a larger angle propose moves by `bad_step` instead of `step`.",
     )
     bad_step: float | None = option(
-        None, within="(0, 2]", default_words="as step", help="See bad_angle."
+        None, within="(0, 2]", default_words="as `step`", help="See `bad_angle`."
     )
 
     def __post_init__(self) -> None:
@@ -66,12 +66,12 @@ class ProposingMethod(GuardedMethod):
         for prefix in ("", "triangle_"):
             low, high = getattr(self, f"{prefix}min_angle"), getattr(self, f"{prefix}max_angle")
             if not low < high:
-                raise ValueError(
-                    f"{prefix}max_angle must be over {prefix}min_angle, which is {low:g} degrees, "
-                    f"got {high:g}"
+                raise OptionError(
+                    f"`{prefix}max_angle` must be over `{prefix}min_angle`, which is {low:g} "
+                    f"degrees, got {high:g}"
                 )
         if self.worst_first and self.worst_fraction == 1.0:
-            raise ValueError("worst_first needs a worst_fraction below 1")
+            raise OptionError("`worst_first` needs a `worst_fraction` below 1")
 
     def stages(self) -> list[tuple[Aim, int]]:
         """List which group of cells proposes moves, and for how many sweeps at most."""

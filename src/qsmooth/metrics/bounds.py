@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from qsmooth._types import BoolArray, FloatArray
-from qsmooth.mesh import MeshLike, as_mesh
+from qsmooth.adapters import to_mesh
 from qsmooth.metrics.quality import Quality
 from qsmooth.topology import Topology
 
@@ -53,13 +53,13 @@ class Limits:
         )
 
 
-def limits(mesh: MeshLike, *, keep_interfaces: bool = True) -> Limits:
+def limits(mesh: Any, *, keep_interfaces: bool = True) -> Limits:
     """Bound the smallest and the largest angle that any placement of the vertices can have.
 
     Parameters
     ----------
     mesh
-        A `Mesh`, or a pair ``(points, cells)``.
+        A `Mesh`, a pair ``(points, cells)``, or a mesh of meshio.
     keep_interfaces
         Whether vertices on the line between two regions, or on line cells of the file, stay.
 
@@ -72,7 +72,7 @@ def limits(mesh: MeshLike, *, keep_interfaces: bool = True) -> Limits:
     MeshError
         If a pair is no mesh.
     """
-    mesh = as_mesh(mesh)
+    mesh = to_mesh(mesh)
     return angle_limits(mesh.topology, mesh.xy, mesh.topology.movable(keep_interfaces))
 
 

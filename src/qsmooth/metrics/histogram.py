@@ -51,6 +51,7 @@ class Histogram:
 
 def count_by_bins(values: FloatArray, edges: Sequence[float]) -> Histogram:
     """Count values by bin."""
-    bins = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
+    starts = np.array(edges, np.float64)
+    bins = np.clip(np.searchsorted(starts, values, side="right") - 1, 0, len(edges) - 2)
     counts = np.bincount(bins, minlength=len(edges) - 1)
     return Histogram(tuple(float(e) for e in edges), tuple(int(n) for n in counts))

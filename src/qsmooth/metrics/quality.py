@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from enum import IntEnum
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from qsmooth._types import FloatArray, IndexArray
-from qsmooth.mesh import MeshLike, as_mesh
+from qsmooth.adapters import to_mesh
 from qsmooth.metrics.histogram import count_by_bins
 from qsmooth.metrics.registry import METRICS, find_metric, parse_metrics, unknown
 from qsmooth.metrics.summary import Summary, WorstCells
@@ -144,6 +145,7 @@ class Quality:
         """
         names = parse_metrics(metrics)
         sizes = self.topology.cell_sizes
+        kinds = np.array([sizes.min(), sizes.max()])  # all that bins depend on
         classes = np.bincount(self.validity, minlength=len(Validity))
         return Summary(
             n_vertices=self.topology.n_vertices,
@@ -156,7 +158,7 @@ class Quality:
             histograms={
                 name: count_by_bins(METRICS[name].defined(self[name]), edges)
                 for name in names
-                if (edges := METRICS[name].edges_of(sizes))
+                if (edges := METRICS[name].edges_of(kinds))
             },
         )
 
@@ -197,13 +199,13 @@ class Quality:
         )
 
 
-def quality(mesh: MeshLike) -> Quality:
+def quality(mesh: Any) -> Quality:
     """Measure every cell of a mesh.
 
     Parameters
     ----------
     mesh
-        A `Mesh`, or a pair ``(points, cells)``.
+        A `Mesh`, a pair ``(points, cells)``, or a mesh of meshio.
 
     Returns
     -------
@@ -218,5 +220,5 @@ def quality(mesh: MeshLike) -> Quality:
     MeshError
         If a pair is no mesh.
     """
-    mesh = as_mesh(mesh)
+    mesh = to_mesh(mesh)
     return Quality(mesh.topology, mesh.xy, mesh.points)

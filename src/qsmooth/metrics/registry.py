@@ -6,6 +6,7 @@ Selections, gates, tables, figures, JSON and the command line find it by name in
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from importlib import import_module
 from types import MappingProxyType
 
@@ -58,11 +59,11 @@ def unknown(name: str, option: str = "metric") -> str:
     )
 
 
-def parse_metrics(names: str | Sequence[str] | None) -> tuple[str, ...]:
+def parse_metrics(names: str | Sequence[str] | None, option: str = "metrics") -> tuple[str, ...]:
     """Take a choice of metrics apart, as ``"min_angle, taper"`` or a sequence of names.
 
     ``"all"`` is every metric, None the short table. Each is kept once, where it comes first;
-    ``min-angle`` is ``min_angle``.
+    ``min-angle`` is ``min_angle``. Messages call it `option`.
 
     Raises
     ------
@@ -76,12 +77,18 @@ def parse_metrics(names: str | Sequence[str] | None) -> tuple[str, ...]:
     if wanted == ["all"]:
         return tuple(METRICS)
     if not any(wanted):
-        raise ValueError(f"metrics must name at least one of {', '.join(METRICS)}")
-    return tuple(dict.fromkeys(find_metric(name, "metrics").name for name in wanted if name))
+        raise ValueError(f"{option} must name at least one of {', '.join(METRICS)}")
+    return tuple(dict.fromkeys(find_metric(name, option).name for name in wanted if name))
 
 
 # ------------------------------------------------------------------------------- how to measure
 # Kernels are imported when they are first wanted: with them comes the compiler.
+
+
+@cache
+def _kernel(module: str, kernel: str) -> Callable[..., None]:
+    found: Callable[..., None] = getattr(import_module(f"qsmooth.kernels.{module}"), kernel)
+    return found
 
 
 def by_cell(module: str, kernel: str) -> Callable[[Cells], FloatArray]:
@@ -89,8 +96,7 @@ def by_cell(module: str, kernel: str) -> Callable[[Cells], FloatArray]:
 
     def measure(cells: Cells) -> FloatArray:
         out = np.empty(cells.topology.n_cells)
-        run = getattr(import_module(f"qsmooth.kernels.{module}"), kernel)
-        run(cells.xy, *cells.topology.cells, out)
+        _kernel(module, kernel)(cells.xy, *cells.topology.cells, out)
         return out
 
     return measure

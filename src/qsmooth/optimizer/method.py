@@ -16,7 +16,7 @@ from qsmooth.methods.driver import invalid_cells, stored
 from qsmooth.metrics import Quality, limits, quality
 from qsmooth.optimizer.best import Best
 from qsmooth.optimizer.lanes import Lanes
-from qsmooth.optimizer.progress import Progress
+from qsmooth.optimizer.progress import ROUND, Progress
 from qsmooth.optimizer.stages import improve_mean, mend_worst
 from qsmooth.optimizer.untangling import untangle, with_proof
 from qsmooth.options import option
@@ -39,6 +39,7 @@ class _Staged(Method):
     """A method that goes through stages with aims of their own."""
 
     untangles = True
+    sweeps_a_record = ROUND
 
     def run(self, mesh: Mesh, chosen: str = "") -> SmoothResult:
         """Go through the stages, and sum up."""

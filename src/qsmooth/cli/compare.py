@@ -1,0 +1,122 @@
+"""``qsmooth compare``: what several methods make of a mesh, side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from qsmooth._words import did_you_mean
+from qsmooth.cli import files, running, terminal
+from qsmooth.cli.options import METHOD, named, spell
+from qsmooth.options import spelled
+
+if TYPE_CHECKING:
+    from qsmooth.mesh import Mesh
+    from qsmooth.methods.base import Method
+    from qsmooth.result import SmoothResult
+
+
+def compare(
+    mesh_file: files.In,
+    methods: Annotated[
+        str,
+        typer.Option(
+            metavar="NAMES",
+            help="Methods, separated by commas, or all, out of {methods}.",
+            rich_help_panel=METHOD,
+        ),
+    ] = "all",
+    options: dict[str, Any] | None = None,
+    surface: files.SurfaceOption = files.Surface.auto,
+    format: files.FormatOption = None,
+    json_file: files.JsonOption = None,
+    debug: files.DebugOption = False,
+) -> None:
+    """Smooth a mesh with several methods, and put the results side by side.
+
+    Nothing is written. An option goes to the methods that have it.
+    """
+    files.refuse_clash(json_file, mesh_file)
+    options = options or {}
+    chosen = with_options(method_names(methods), options)
+    mesh = files.read(mesh_file, surface, format)
+    results, skipped = run_all(mesh, chosen)
+    facts = {
+        "input": str(mesh_file),
+        "options": named(options),
+        "original": results[0].before.to_dict(),
+        "methods": [
+            {
+                **{key: fact for key, fact in result.to_dict().items() if key != "before"},
+                "limits": running.limits_of(result, method).to_dict(),
+            }
+            for method in chosen
+            for result in results
+            if method.name == result.method
+        ],
+        "skipped": skipped,
+    }
+    if not terminal.write_json(json_file, facts):
+        show(str(mesh_file), results, skipped)
+
+
+def method_names(text: str) -> list[str]:
+    """Take the names of methods apart, separated by commas."""
+    from qsmooth.registry import methods
+
+    known = methods()
+    if text == "all":
+        return list(known)
+    names = list(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
+    unknown = [name for name in names if name not in known]
+    if unknown or not names:
+        raise ValueError(
+            f"--methods takes names out of {', '.join(known)}, got "
+            f"{', '.join(unknown) or 'none'}{did_you_mean(unknown[0], known) if unknown else ''}"
+        )
+    return names
+
+
+def with_options(names: Sequence[str], options: Mapping[str, Any]) -> list[Method]:
+    """Make methods, each with those of the options that it takes."""
+    from qsmooth.registry import method_class
+    from qsmooth.smoothing import configured
+
+    for option in options:
+        if not any(option in method_class(name).specs() for name in names):
+            raise ValueError(f"method {', '.join(names)} has no option {spell(option)}")
+    return configured(names, options)
+
+
+def run_all(mesh: Mesh, chosen: Sequence[Method]) -> tuple[list[SmoothResult], dict[str, str]]:
+    """Smooth with each method; also why methods were skipped, by name."""
+    results, skipped = [], {}
+    for method in chosen:
+        reason = method.why_not(mesh)
+        if reason and len(chosen) > 1:
+            skipped[method.name] = spelled(reason, spell)
+            continue
+        if method.max_sweeps > 0:
+            # A sweep beforehand: the first call compiles, which is not the method's time.
+            running.run(mesh, replace(method, max_sweeps=1))
+        results.append(running.run(mesh, method))
+    return results, skipped
+
+
+def show(name: str, results: Sequence[SmoothResult], skipped: Mapping[str, str]) -> None:
+    """Print what the methods made of a mesh."""
+    from qsmooth.output import tables
+
+    before = results[0].before
+    terminal.write_heading(f"{name}: {tables.size_text(before)}")
+    for table in tables.comparison_tables(before, results, width=terminal.width()):
+        terminal.write_table(table)
+    for result in results:
+        running.show_outcome(result)
+        if result.outcome.limits is not None:
+            running.show_limits(result.outcome.limits)
+    for method, reason in skipped.items():
+        terminal.write_line(f"{tables.method_title(method)}: skipped; {reason}.")

@@ -1,0 +1,127 @@
+"""Files of the commands: how they are named, read and kept from harm."""
+
+from __future__ import annotations
+
+import os
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from qsmooth.cli.options import FILES, REPORT
+from qsmooth.cli.terminal import status
+
+if TYPE_CHECKING:
+    from qsmooth.mesh import Mesh
+
+
+class Surface(StrEnum):
+    """What a third coordinate means."""
+
+    auto = "auto"
+    flat = "flat"
+
+
+In = Annotated[Path, typer.Argument(metavar="IN", help="Mesh file to read.", show_default=False)]
+OutOption = Annotated[
+    Path,
+    typer.Option(
+        "--output",
+        "-o",
+        metavar="OUT",
+        help="Mesh file to write; its ending tells the format.",
+        show_default=False,
+        rich_help_panel=FILES,
+    ),
+]
+OverwriteOption = Annotated[
+    bool,
+    typer.Option(
+        "--overwrite", help="Allow OUT to replace a file, IN itself too.", rich_help_panel=FILES
+    ),
+]
+SurfaceOption = Annotated[
+    Surface,
+    typer.Option(
+        "--surface",
+        help="What z means: [b]auto[/b], the mesh lies in one plane; [b]flat[/b], z is a value on "
+        "a mesh in x and y, such as depth, and is carried along.",
+        rich_help_panel=FILES,
+    ),
+]
+FormatOption = Annotated[
+    str | None,
+    typer.Option(
+        "--format",
+        metavar="NAME",
+        help="Format of IN; by default its ending and content tell.",
+        rich_help_panel=FILES,
+    ),
+]
+OutputFormatOption = Annotated[
+    str | None,
+    typer.Option(
+        "--output-format",
+        metavar="NAME",
+        help="Format of OUT, if its ending does not say.",
+        rich_help_panel=FILES,
+    ),
+]
+JsonOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--json",
+        metavar="FILE",
+        help="Also write the figures as JSON; [b]-[/b] prints them, and no table.",
+        rich_help_panel=REPORT,
+    ),
+]
+DebugOption = Annotated[
+    bool, typer.Option("--debug", help="Show a traceback on errors (or set QSMOOTH_DEBUG=1).")
+]
+
+
+def read(path: Path, surface: Surface, format: str | None) -> Mesh:
+    """Read a mesh."""
+    from qsmooth.io import read_mesh
+
+    with status(f"reading {path}"):
+        return read_mesh(path, surface=surface.value, format=format)
+
+
+def require_format(path: Path, mesh: Mesh, name: str | None) -> None:
+    """Refuse a format that can't be written before the work, and not after it."""
+    from qsmooth.io import format_of
+
+    format_of(path, mesh, format=name)
+
+
+def refuse_unsafe(mesh_file: Path, output: Path, overwrite: bool, json_file: Path | None) -> None:
+    """Refuse outputs that would destroy a file, before any work is done."""
+    if output.is_dir():
+        raise ValueError(f"'{output}' is a folder; OUT must be a file")
+    if not output.parent.is_dir():
+        raise ValueError(f"cannot write '{output}': there is no folder '{output.parent}'")
+    if output.exists() and not overwrite:
+        if _same_file(output, mesh_file):
+            raise ValueError(f"OUT is the input, '{mesh_file}'; --overwrite allows that")
+        raise ValueError(f"'{output}' exists; --overwrite replaces it")
+    refuse_clash(json_file, mesh_file, output)
+
+
+def refuse_clash(json_file: Path | None, *others: Path) -> None:
+    """Refuse a JSON file that would replace a mesh, or cannot be written."""
+    if json_file is None or json_file == Path("-"):
+        return
+    for other in others:
+        if _same_file(json_file, other):
+            raise ValueError(f"--json would write over the mesh file '{other}'")
+    if json_file.is_dir() or not json_file.parent.is_dir():
+        raise ValueError(f"cannot write '{json_file}': it is a folder, or its folder is not there")
+
+
+def _same_file(one: Path, other: Path) -> bool:
+    if one.exists() and other.exists():
+        return one.samefile(other)
+    return os.path.realpath(one) == os.path.realpath(other)

@@ -1,0 +1,128 @@
+"""``qsmooth quality``: figures of a mesh, its worst cells, and gates for a pipeline."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from qsmooth.cli import files, running, terminal
+from qsmooth.cli.options import REPORT
+
+if TYPE_CHECKING:
+    from qsmooth.metrics import Check, Quality
+
+GATE = "Gate: exit code 0 where all checks pass, 1 where one fails"
+
+
+def quality(
+    mesh_file: files.In,
+    metrics: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAMES",
+            help="Metrics to show, separated by commas, or all, out of {metrics}.  "
+            "[dim]\\[default: {short}][/dim]",
+            rich_help_panel=REPORT,
+            show_default=False,
+        ),
+    ] = None,
+    worst: Annotated[
+        int, typer.Option(help="How many of the worst cells to list.", rich_help_panel=REPORT)
+    ] = 20,
+    worst_by: Annotated[
+        str,
+        typer.Option(
+            metavar="METRIC", help="Metric that ranks them, any of these.", rich_help_panel=REPORT
+        ),
+    ] = "scaled_jacobian",
+    fail_below: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="METRIC=VALUE",
+            help="Fail if a cell has less, as in [b]min_angle=20[/b]; may be repeated.",
+            rich_help_panel=GATE,
+        ),
+    ] = None,
+    fail_above: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="METRIC=VALUE",
+            help="Fail if a cell has more, as in [b]aspect_ratio=10[/b]; may be repeated.",
+            rich_help_panel=GATE,
+        ),
+    ] = None,
+    fail_invalid: Annotated[
+        bool,
+        typer.Option(
+            "--fail-invalid",
+            help="Fail if a cell is not valid: collapsed, concave, crossed or inverted.",
+            rich_help_panel=GATE,
+        ),
+    ] = False,
+    surface: files.SurfaceOption = files.Surface.auto,
+    format: files.FormatOption = None,
+    json_file: files.JsonOption = None,
+    debug: files.DebugOption = False,
+) -> None:
+    """Measure a mesh: extremes, means, histograms, the worst cells, and checks for a pipeline."""
+    from qsmooth.metrics import find_metric, limits, parse_gate, parse_metrics
+    from qsmooth.metrics import quality as measure
+    from qsmooth.output import tables
+
+    if worst < 0:
+        raise ValueError(f"--worst must be 0 or more, got {worst}")
+    by = find_metric(worst_by.replace("-", "_"), "--worst-by").name
+    shown = parse_metrics(metrics, "--metrics")
+    gates = [(*parse_gate(text, "--fail-below"), True) for text in fail_below or ()]
+    gates += [(*parse_gate(text, "--fail-above"), False) for text in fail_above or ()]
+    files.refuse_clash(json_file, mesh_file)
+    mesh = files.read(mesh_file, surface, format)
+    measured = measure(mesh)
+    summary, bounds = measured.summary(shown), limits(mesh)
+    checks = _checks(measured, gates, fail_invalid)
+    passed = all(check.passed for check in checks)
+    facts = {
+        "input": str(mesh_file),
+        **summary.to_dict(),
+        "limits": bounds.to_dict(),
+        "worst_cells": _worst_cells(measured, worst, by, shown),
+        "checks": [check.to_dict() for check in checks],
+        "passed": passed,
+    }
+    if not terminal.write_json(json_file, facts):
+        terminal.write_heading(f"{mesh_file}: {tables.size_text(summary)}")
+        terminal.write_table(tables.summary_table(summary))
+        running.show_limits(bounds)
+        if worst:
+            terminal.write_table(tables.worst_table(measured, worst, by, shown))
+        for check in checks:
+            terminal.write_line(("passed: " if check.passed else "FAILED: ") + check.text)
+    elif json_file == Path("-"):
+        for check in checks:
+            if not check.passed:
+                terminal.say(f"failed: {check.text}")
+    if not passed:
+        raise typer.Exit(terminal.FAILED)
+
+
+def _checks(
+    measured: Quality, gates: list[tuple[str, float, bool]], fail_invalid: bool
+) -> list[Check]:
+    from qsmooth.metrics import check_gate, check_validity
+
+    checks = [check_gate(measured, name, value, below=below) for name, value, below in gates]
+    return [*checks, check_validity(measured)] if fail_invalid else checks
+
+
+def _worst_cells(
+    measured: Quality, k: int, by: str, metrics: tuple[str, ...]
+) -> list[dict[str, Any]]:
+    """List the worst cells for JSON, each with its class."""
+    from qsmooth.metrics import Validity
+
+    return [
+        {**cell, "state": Validity(int(measured.validity[cell["cell"]])).name.lower()}
+        for cell in measured.worst(k, by, metrics).to_dict()
+    ]

@@ -1,0 +1,80 @@
+"""Running methods: which one with which options, with progress, and what to say of the result."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from qsmooth._words import did_you_mean, plural
+from qsmooth.cli.options import in_a_row, spell
+from qsmooth.cli.terminal import progress, write_line
+
+if TYPE_CHECKING:
+    from qsmooth.mesh import Mesh
+    from qsmooth.methods.base import Method
+    from qsmooth.metrics import Limits
+    from qsmooth.result import SmoothResult
+
+
+def method_with(name: str, options: Mapping[str, Any]) -> tuple[Method, str]:
+    """Make a method by its name or ``"auto"``; also why that was chosen, for the outcome.
+
+    Raises
+    ------
+    ValueError
+        If there is no such method, a value is out of range, or the method lacks an option.
+    """
+    from qsmooth.registry import choose, method_class, methods
+
+    why = auto = ""
+    if name == "auto":
+        name, why = choose(options)
+        auto = f" (auto chose {name})"
+    known = method_class(name)
+    for option, value in options.items():
+        if option not in known.specs():
+            having = [thing for thing in methods().values() if option in thing.specs()]
+            having[0].specs()[option].checked(value)
+            near = did_you_mean(option, known.specs(), spell)
+            raise ValueError(
+                f"{known.owner} has no option {spell(option)}{auto}, it is of "
+                f"{in_a_row([thing.name for thing in having])}{near}"
+            )
+    return known.of(dict(options)), why
+
+
+def run(mesh: Mesh, method: Method, why: str = "") -> SmoothResult:
+    """Smooth a mesh, and show how far it is."""
+    with progress(method.name, method.max_sweeps, method.sweeps_a_record) as callback:
+        return replace(method, callback=callback).run(mesh, why)
+
+
+def limits_of(result: SmoothResult, method: Method) -> Limits:
+    """Bounds of the angles of a result."""
+    from qsmooth.metrics import Limits, limits
+
+    known = result.outcome.limits
+    if isinstance(known, Limits):
+        return known
+    return limits(result.mesh, keep_interfaces=method.keep_interfaces)
+
+
+def show_outcome(result: SmoothResult) -> None:
+    """Say what was done and why it stopped; limits of the angles are left to `show_limits`."""
+    from qsmooth import wording
+    from qsmooth.output import tables
+    from qsmooth.table import time_text
+
+    text = (
+        f"{tables.method_title(result.method)}: {plural(result.sweeps, 'sweep')} in "
+        f"{time_text(result.seconds)}"
+    )
+    reason = wording.reason(result.outcome, spell=spell, limits=False)
+    write_line(f"{text}; {reason}." if reason else f"{text}.")
+
+
+def show_limits(limits: Limits) -> None:
+    """Say how near to their bounds the angles are, in lines of their own."""
+    for line in str(limits).splitlines():
+        write_line(f"  {line[0].upper()}{line[1:]}.")

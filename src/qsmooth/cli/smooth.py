@@ -1,0 +1,94 @@
+"""``qsmooth smooth``: a better mesh, and how much better it is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from qsmooth.cli import files, running, terminal
+from qsmooth.cli.options import METHOD, REPORT, named
+
+
+def smooth(
+    mesh_file: files.In,
+    output: files.OutOption,
+    method: Annotated[
+        str,
+        typer.Option(
+            "--method",
+            "-m",
+            help="{methods}, or auto, which means {auto}; [b]qsmooth methods[/b] says what each "
+            "is for.",
+            rich_help_panel=METHOD,
+        ),
+    ] = "auto",
+    options: dict[str, Any] | None = None,
+    overwrite: files.OverwriteOption = False,
+    surface: files.SurfaceOption = files.Surface.auto,
+    format: files.FormatOption = None,
+    output_format: files.OutputFormatOption = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="Also write figures, as PNG and SVG, into this folder.",
+            rich_help_panel=REPORT,
+        ),
+    ] = None,
+    plot_metric: Annotated[
+        str,
+        typer.Option(
+            metavar="METRIC",
+            help="What figures are coloured by: {metrics}.",
+            rich_help_panel=REPORT,
+        ),
+    ] = "max_angle",
+    json_file: files.JsonOption = None,
+    debug: files.DebugOption = False,
+) -> None:
+    """Smooth a mesh, and show its quality before and after.
+
+    Boundary vertices stay. OUT keeps everything that IN holds but the coordinates.
+    """
+    from qsmooth.metrics import find_metric
+    from qsmooth.output import tables
+
+    files.refuse_unsafe(mesh_file, output, overwrite, json_file)
+    plot_metric = find_metric(plot_metric.replace("-", "_"), "--plot-metric").name
+    if plot is not None:
+        from qsmooth.output.drawing import require_matplotlib
+
+        if plot.exists() and not plot.is_dir():
+            raise ValueError(f"'{plot}' is a file; --plot takes a folder")
+        require_matplotlib()
+    options = options or {}
+    chosen, why = running.method_with(method, options)
+    mesh = files.read(mesh_file, surface, format)
+    files.require_format(output, mesh, output_format)
+    result = running.run(mesh, chosen, why)
+    limits = running.limits_of(result, chosen)
+    from qsmooth.io import write_mesh
+
+    write_mesh(output, result.mesh, format=output_format)
+    written = [output]
+    if plot is not None:
+        from qsmooth.output.figures import save_figures
+
+        save_figures(mesh, result, plot, metric=plot_metric)
+        written.append(plot)
+    facts = {
+        "input": str(mesh_file),
+        "output": str(output),
+        "options": named(options),
+        **result.to_dict(),
+        "limits": limits.to_dict(),
+    }
+    if terminal.write_json(json_file, facts):
+        return
+    terminal.write_heading(f"{mesh_file}: {tables.size_text(result.before)}")
+    terminal.write_table(tables.change_table(result.before, result.after))
+    running.show_outcome(result)
+    running.show_limits(limits)
+    terminal.write_line(f"Wrote {' and '.join(map(str, written))}")

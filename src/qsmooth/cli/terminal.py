@@ -1,0 +1,177 @@
+"""The terminal: printing, width, colour, progress, exit codes.
+
+Tables go to standard output, in colour on a terminal and as plain text elsewhere; progress,
+warnings and errors go to standard error.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import sys
+import textwrap
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO
+
+if TYPE_CHECKING:
+    from qsmooth.result import SweepRecord
+    from qsmooth.table import Table
+
+PASSED, FAILED, ERROR, INTERRUPTED, BROKEN_PIPE = 0, 1, 2, 130, 141
+# Texts that are laid out, as opposed to lines, are broken here where the output is no terminal.
+TEXT_WIDTH = 100
+
+
+class ReaderLeftError(Exception):
+    """The reader of standard output left; Typer would exit with 1, which means a failed gate."""
+
+
+def width() -> int | None:
+    """Characters in a line of the terminal; None where the output is none."""
+    return int(_console(sys.stdout).width) if _is_terminal(sys.stdout) else None
+
+
+def write(text: str) -> None:
+    """Print a text as it is."""
+    from qsmooth.table import plain
+
+    try:
+        sys.stdout.write(plain(text, sys.stdout.encoding) + "\n")
+    except BrokenPipeError as error:
+        raise ReaderLeftError from error
+
+
+def write_table(table: Table) -> None:
+    """Print a table."""
+    if _is_terminal(sys.stdout):
+        from rich.measure import Measurement
+
+        console = _console(sys.stdout)
+        options = console.options.update(max_width=10_000)
+        if table.left or Measurement.get(console, options, table).minimum <= console.width:
+            console.print(table)
+            return
+    write(f"{table}\n")  # the terminal breaks lines, where rich would cut them
+
+
+def write_heading(text: str) -> None:
+    """Print a heading."""
+    if not _write_rich(text, "bold"):
+        write(f"{text}\n")
+
+
+def write_line(text: str) -> None:
+    """Print a line; a terminal breaks it between words."""
+    if not _write_rich(text):
+        write(text)
+
+
+def write_paragraph(text: str, indent: int = 0) -> None:
+    """Print a text broken into lines."""
+    margin = indent * " "
+    room = min(width() or TEXT_WIDTH, TEXT_WIDTH)
+    lines = textwrap.wrap(
+        text, room, initial_indent=margin, subsequent_indent=margin, break_on_hyphens=False
+    )
+    write("\n".join(lines))
+
+
+def write_title(text: str) -> None:
+    """Print the title of a text that follows."""
+    if not _write_rich(text, "bold"):
+        write(text)
+
+
+def write_json(path: Path | None, facts: dict[str, Any]) -> bool:
+    """Write facts as JSON; True if that went to standard output in place of the tables."""
+    from qsmooth._json import finite
+
+    if path is None:
+        return False
+    text = json.dumps(finite(facts), indent=2, allow_nan=False)
+    if path == Path("-"):
+        write(text)
+        return True
+    path.write_text(text + "\n", encoding="utf-8")
+    return False
+
+
+def say(text: str) -> None:
+    """Print one line on standard error."""
+    line = "qsmooth: " + " ".join(str(text).split())
+    encoding = getattr(sys.stderr, "encoding", None) or "utf-8"
+    with contextlib.suppress(OSError, ValueError):
+        sys.stderr.write(line.encode(encoding, "replace").decode(encoding) + "\n")
+        sys.stderr.flush()
+
+
+@contextlib.contextmanager
+def status(text: str) -> Iterator[None]:
+    """Say on a terminal what is going on."""
+    if not _is_terminal(sys.stderr):
+        yield
+        return
+    with _console(sys.stderr).status(text):
+        yield
+
+
+@contextlib.contextmanager
+def progress(
+    method: str, max_sweeps: int, sweeps_a_record: int
+) -> Iterator[Callable[[SweepRecord], None] | None]:
+    """Show on a terminal a bar of the sweeps; gives what a method calls with each record.
+
+    Where a record is of several sweeps, their count is about right and the bar pulses: such a
+    method stops by itself long before the last.
+    """
+    if not _is_terminal(sys.stderr):
+        yield None
+        return
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (
+        TextColumn("{task.fields[method]}"),
+        BarColumn(),
+        TextColumn("{task.fields[done]}"),
+        TimeElapsedColumn(),
+        TextColumn("{task.fields[state]}"),
+    )
+    total = max_sweeps if sweeps_a_record == 1 else None
+    with Progress(*columns, console=_console(sys.stderr), transient=True) as bar:
+        task = bar.add_task("", total=total, method=method, done="", state="")
+        done = 0
+
+        def callback(record: SweepRecord) -> None:
+            nonlocal done
+            state = f"angles {record.min_angle:.1f}° to {record.max_angle:.1f}°"
+            if record.n_invalid:
+                state += f", {record.n_invalid} cells not valid"
+            done += sweeps_a_record
+            text = f"about {done} sweeps" if total is None else f"{done} of {total} sweeps"
+            bar.update(task, completed=done, done=text, state=state)
+
+        yield callback
+
+
+def _write_rich(text: str, style: str = "") -> bool:
+    """Print on a terminal; False where there is none."""
+    if not _is_terminal(sys.stdout):
+        return False
+    from rich.text import Text
+
+    _console(sys.stdout).print(Text(text, style=style))
+    return True
+
+
+def _console(stream: TextIO) -> Any:
+    from rich.console import Console
+
+    return Console(file=stream, highlight=False)
+
+
+def _is_terminal(stream: TextIO) -> bool:
+    try:
+        return stream.isatty()
+    except (AttributeError, ValueError):
+        return False

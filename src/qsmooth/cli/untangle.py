@@ -1,0 +1,62 @@
+"""``qsmooth untangle``: a valid mesh, or the nearest to one that was found."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import typer
+
+from qsmooth._words import plural
+from qsmooth.cli import files, running, terminal
+from qsmooth.cli.options import named
+
+
+def untangle(
+    mesh_file: files.In,
+    output: files.OutOption,
+    options: dict[str, Any] | None = None,
+    overwrite: files.OverwriteOption = False,
+    surface: files.SurfaceOption = files.Surface.auto,
+    format: files.FormatOption = None,
+    output_format: files.OutputFormatOption = None,
+    json_file: files.JsonOption = None,
+    debug: files.DebugOption = False,
+) -> None:
+    """Make a mesh valid by moving its vertices, and stop there.
+
+    Exit code 0 where every cell is valid, 1 where some stay invalid; OUT then has the best that was
+    found. Smoothing with method optimize does this first, by itself.
+    """
+    from qsmooth.io import write_mesh
+    from qsmooth.output import tables
+    from qsmooth.registry import all_methods
+
+    files.refuse_unsafe(mesh_file, output, overwrite, json_file)
+    options = options or {}
+    method = all_methods()["untangle"].of(options)
+    mesh = files.read(mesh_file, surface, format)
+    files.require_format(output, mesh, output_format)
+    result = running.run(mesh, method)
+    write_mesh(output, result.mesh, format=output_format)
+    n_invalid = result.after.n_invalid
+    facts = {
+        "input": str(mesh_file),
+        "output": str(output),
+        "options": named(options),
+        **result.to_dict(),
+        "valid": n_invalid == 0,
+    }
+    failed = f"FAILED: {plural(n_invalid, 'cell')} of {result.after.n_cells} not valid"
+    if not terminal.write_json(json_file, facts):
+        terminal.write_heading(f"{mesh_file}: {tables.size_text(result.before)}")
+        terminal.write_table(tables.change_table(result.before, result.after))
+        running.show_outcome(result)
+        if n_invalid:
+            terminal.write_line(failed)
+            terminal.write_line(f"Wrote the best that was found, {output}")
+        else:
+            terminal.write_line(f"Wrote {output}")
+    elif n_invalid:
+        terminal.say(failed.replace("FAILED", "failed"))
+    if n_invalid:
+        raise typer.Exit(terminal.FAILED)
