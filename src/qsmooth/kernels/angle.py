@@ -7,9 +7,10 @@ from numba import prange
 
 from qsmooth._types import FloatArray, TableArray
 from qsmooth.kernels._jit import helper, inlined_helper, parallel_kernel
+from qsmooth.kernels.centres import centre_of
 from qsmooth.kernels.geometry import distance, share
 from qsmooth.kernels.guards import NO_FENCE, guarded_move
-from qsmooth.kernels.stars import CHUNK, NO_VERTEX, Centre, Moves, Stars, Step, centre_of
+from qsmooth.kernels.stars import CHUNK, NO_VERTEX, Centre, Moves, Stars, Step
 
 
 @helper()
@@ -97,7 +98,7 @@ def angle_sweep(
     Proceedings of the 9th International Meshing Roundtable (2000).
     """
     _, vertices, offsets, corners, _, _ = stars
-    lengths, shares = moves
+    lengths, shares = moves.lengths, moves.shares
     for i in prange(vertices.size):
         v = vertices[i]
         dx, dy, shortest = step_to_bisectors(xy, corners, centre_of(vertices, offsets, i), step)
@@ -126,7 +127,7 @@ def guarded_angle_sweep(
         As in `star.star_sweep`.
     """
     colour_offsets, vertices, offsets, corners, _, _ = stars
-    lengths, shares = moves
+    lengths, shares = moves.lengths, moves.shares
     no_lines = np.empty((0, 3))
     for colour in range(colours[0], colours[1]):
         start, stop = colour_offsets[colour], colour_offsets[colour + 1]

@@ -7,6 +7,7 @@ from numba import prange
 
 from qsmooth._types import FloatArray, TableArray
 from qsmooth.kernels._jit import helper, inlined_helper, parallel_kernel
+from qsmooth.kernels.centres import centre_of
 from qsmooth.kernels.guards import (
     HALVINGS,
     NO_FENCE,
@@ -17,7 +18,7 @@ from qsmooth.kernels.guards import (
     store_move,
     tolerated_loss,
 )
-from qsmooth.kernels.stars import CHUNK, NO_VERTEX, Centre, Moves, Stars, Step, centre_of
+from qsmooth.kernels.stars import CHUNK, NO_VERTEX, Centre, Moves, Stars, Step
 
 
 @helper()
@@ -178,7 +179,7 @@ def aspect_ratio_sweep(
         unless it stays within this; infinite for no such rule.
     """
     colour_offsets, vertices, offsets, corners, _, largest = stars
-    lengths, shares = moves
+    lengths, shares = moves.lengths, moves.shares
     for colour in range(colours[0], colours[1]):
         start, stop = colour_offsets[colour], colour_offsets[colour + 1]
         for chunk in prange((stop - start + CHUNK - 1) // CHUNK):

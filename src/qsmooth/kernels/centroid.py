@@ -7,9 +7,10 @@ from numba import prange
 
 from qsmooth._types import FloatArray, TableArray
 from qsmooth.kernels._jit import inlined_helper, parallel_kernel
+from qsmooth.kernels.centres import centre_of
 from qsmooth.kernels.geometry import share
 from qsmooth.kernels.guards import NO_FENCE, guarded_move
-from qsmooth.kernels.stars import CHUNK, NO_VERTEX, Centre, Moves, Stars, Step, centre_of
+from qsmooth.kernels.stars import CHUNK, NO_VERTEX, Centre, Moves, Stars, Step
 
 
 @inlined_helper()
@@ -55,7 +56,7 @@ def centroid_sweep(xy: FloatArray, stars: Stars, xy_out: FloatArray, moves: Move
         As in `laplacian.laplacian_sweep`.
     """
     _, vertices, offsets, corners, _, _ = stars
-    lengths, shares = moves
+    lengths, shares = moves.lengths, moves.shares
     for i in prange(vertices.size):
         v = vertices[i]
         dx, dy, shortest = step_to_centroid(xy, corners, centre_of(vertices, offsets, i))
@@ -77,7 +78,7 @@ def smart_centroid_sweep(
         As in `star.star_sweep`.
     """
     colour_offsets, vertices, offsets, corners, _, _ = stars
-    lengths, shares = moves
+    lengths, shares = moves.lengths, moves.shares
     no_lines = np.empty((0, 3))
     for colour in range(colours[0], colours[1]):
         start, stop = colour_offsets[colour], colour_offsets[colour + 1]

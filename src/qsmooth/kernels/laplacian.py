@@ -7,9 +7,10 @@ from numba import prange
 
 from qsmooth._types import FloatArray, IndexArray
 from qsmooth.kernels._jit import inlined_helper, parallel_kernel
+from qsmooth.kernels.centres import centre_of
 from qsmooth.kernels.geometry import distance, share
 from qsmooth.kernels.guards import NO_FENCE, guarded_move
-from qsmooth.kernels.stars import CHUNK, Moves, Rings, Stars, Step, centre_of
+from qsmooth.kernels.stars import CHUNK, Moves, Rings, Stars, Step
 
 
 @inlined_helper()
@@ -49,7 +50,7 @@ def laplacian_sweep(
     """
     vertices = stars.vertices
     ring_offsets, ring_vertices = rings
-    lengths, shares = moves
+    lengths, shares = moves.lengths, moves.shares
     for i in prange(vertices.size):
         v = vertices[i]
         dx, dy, shortest = step_to_ring(xy, ring_offsets, ring_vertices, v)
@@ -79,7 +80,7 @@ def smart_laplacian_sweep(
     """
     colour_offsets, vertices, offsets, corners, _, _ = stars
     ring_offsets, ring_vertices = rings
-    lengths, shares = moves
+    lengths, shares = moves.lengths, moves.shares
     no_lines = np.empty((0, 3))
     for colour in range(colours[0], colours[1]):
         start, stop = colour_offsets[colour], colour_offsets[colour + 1]

@@ -5,9 +5,10 @@ from numba import prange
 
 from qsmooth._types import FloatArray
 from qsmooth.kernels._jit import parallel_kernel
+from qsmooth.kernels.centres import centre_of
 from qsmooth.kernels.guards import Fence, clearance, guard_lines, guarded_move, tolerated_loss
 from qsmooth.kernels.proposals import mean_proposal
-from qsmooth.kernels.stars import CHUNK, Moves, Stars, Step, centre_of
+from qsmooth.kernels.stars import CHUNK, Moves, Stars, Step
 
 
 @parallel_kernel()
@@ -59,7 +60,7 @@ def guarded_commit(
         As in `star.star_sweep`.
     """
     colour_offsets, vertices, offsets, corners, _, largest = stars
-    lengths, shares = moves
+    lengths, shares = moves.lengths, moves.shares
     for colour in range(colours[0], colours[1]):
         start, stop = colour_offsets[colour], colour_offsets[colour + 1]
         for chunk in prange((stop - start + CHUNK - 1) // CHUNK):

@@ -5,9 +5,10 @@ from numba import prange
 
 from qsmooth._types import FloatArray
 from qsmooth.kernels._jit import parallel_kernel
+from qsmooth.kernels.centres import centre_of
 from qsmooth.kernels.guards import NO_FENCE, guarded_move
 from qsmooth.kernels.proposals import mean_proposal
-from qsmooth.kernels.stars import CHUNK, Moves, Stars, centre_of
+from qsmooth.kernels.stars import CHUNK, Moves, Stars
 
 
 @parallel_kernel()
@@ -43,7 +44,7 @@ def star_sweep(
         Overwritten for the vertices of these colours.
     """
     colour_offsets, vertices, offsets, corners, cells, largest = stars
-    lengths, shares = moves
+    lengths, shares = moves.lengths, moves.shares
     for colour in range(colours[0], colours[1]):
         start, stop = colour_offsets[colour], colour_offsets[colour + 1]
         for chunk in prange((stop - start + CHUNK - 1) // CHUNK):

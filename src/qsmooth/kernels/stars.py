@@ -3,6 +3,8 @@
 Kernels take the tuples of arrays as they are, unpack them first, and hand arrays to their helpers:
 every look at an array in a tuple counts a reference, which in the loop over the vertices made
 sweeps slower by 20 % (star) to 90 % (aspect ratio). Tuples of numbers cost nothing.
+
+Nothing here is compiled: methods import this module, and the help of the command line imports them.
 """
 
 from typing import NamedTuple
@@ -10,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 
 from qsmooth._types import FloatArray, IndexArray, TableArray
-from qsmooth.kernels._jit import inlined_helper
 
 # Stands for the missing opposite vertex where a row of `Stars.corners` is a triangle.
 NO_VERTEX = np.uint32(0xFFFFFFFF)
@@ -85,9 +86,3 @@ class Step(NamedTuple):
     dx: float
     dy: float
     shortest: float
-
-
-@inlined_helper()
-def centre_of(vertices: TableArray, offsets: IndexArray, i: int) -> Centre:
-    """Look up the vertex at position i of `Stars.vertices`."""
-    return Centre(i, vertices[i], offsets[i], offsets[i + 1])
