@@ -146,7 +146,6 @@ def test_auto_takes_the_triangle_method_for_quads_that_are_cut():
     assert result.method == "aspect-ratio"
     assert result.outcome.chosen
     assert result.reason.startswith("auto chose aspect-ratio, as the quads are cut in triangles")
-    assert smooth(mesh, split_quads=False, max_sweeps=1).method == "optimize"
 
 
 # ------------------------------------------------------------------------------- results

@@ -62,6 +62,7 @@ UNTANGLED = Outcome(
             "no vertex can move: all selected are on the boundary or fixed",
         ),
         (replace(SWEPT, unchanged=True), UNCHANGED),
+        (replace(STAGED, unchanged=True), UNCHANGED),
         (replace(SWEPT, stop=Stop.RESTS, stop_at=0.001, unchanged=True), UNCHANGED),
         (
             STAGED,

@@ -29,7 +29,9 @@ def reason(outcome: Outcome, *, spell: Callable[[str], str] = str, limits: bool 
             f"{plural(cut.quads, 'quad was', 'quads were')} smoothed as two triangles each, cut "
             f"along the {cut.diagonal} diagonal, which broke {cut.broken or 'none'} of them"
         )
-    parts += [*_done(outcome), *_given_up(outcome, spell), *_why(outcome, spell)]
+    if not outcome.unchanged:
+        parts += _done(outcome)
+    parts += [*_given_up(outcome, spell), *_why(outcome, spell)]
     parts += _not_valid(outcome)
     if limits and outcome.limits is not None:
         parts += str(outcome.limits).splitlines()
@@ -99,14 +101,14 @@ def _why(outcome: Outcome, spell: Callable[[str], str]) -> list[str]:
             f"stopped after {plural(outcome.sweeps, 'sweep')}, as {spell('max_sweeps')} says"
             + _still_moving(outcome)
         ]
+    if outcome.stop is Stop.TARGET_QUALITY:
+        return [f"the worst cell reached {spell('target_quality')}={outcome.stop_at:g}"]
     if outcome.unchanged:
         return [] if outcome.forbidden or outcome.invalid else [UNCHANGED]
     if outcome.stop is Stop.RESTS:
         return [
             f"every vertex rests: none moved by over {outcome.stop_at:.3g} of its shortest edge"
         ]
-    if outcome.stop is Stop.TARGET_QUALITY:
-        return [f"the worst cell reached {spell('target_quality')}={outcome.stop_at:g}"]
     if outcome.stop is Stop.SETTLED and not _done(outcome):
         return ["quality no longer improves"]
     return []
