@@ -39,6 +39,8 @@ def test_classes_load_no_compiler():
     code = (
         "import sys, qsmooth, json\n"
         "qsmooth.Mesh, qsmooth.MeshError, qsmooth.Quality, qsmooth.smooth\n"
+        "qsmooth.Optimize(mean_loss=0.2), qsmooth.Star(step=0.3), qsmooth.Stop, qsmooth.Outcome\n"
+        "from qsmooth.registry import methods; methods()\n"
         "print(json.dumps(sorted(sys.modules)))"
     )
     assert not set(json.loads(run(code))) & {"numba", "meshio", "matplotlib"}
@@ -110,3 +112,60 @@ def test_a_second_process_compiles_nothing(tmp_path):
             assert hits == 0
             assert misses > 0
             assert again[f"{kernel} {form}"] == [misses, 0]
+
+
+# Every method with options of every kind of number, on meshes of every kind; then the kernels that
+# were compiled for more than one set of types.
+TYPES = """
+import importlib, json, pkgutil
+import numpy as np
+import qsmooth
+from qsmooth import Mesh, examples, quality, smooth
+from qsmooth.registry import all_methods
+flat = examples.jittered(6, 6, kind="mixed", seed=1)
+points, cells = flat.points, flat.cells
+space = np.column_stack([0.8 * points[:, 0], points[:, 1], 0.6 * points[:, 0]])
+meshes = [
+    flat,
+    Mesh(space, cells),
+    Mesh(points, [b[:, ::-1] for b in cells], fixed=[9], regions=np.arange(flat.n_cells) % 2),
+    Mesh(np.asfortranarray(points).astype(np.float32), [block.astype(np.int32) for block in cells]),
+    examples.tangled(6, 6, kind="mixed", seed=1),
+]
+for known in all_methods().values():
+    for number in (int, float, np.float32, np.int64):
+        options = {"max_sweeps": np.int32(12)}
+        for name, spec in known.specs().items():
+            wanted = {**options}
+            if spec.kind == "number" and spec.unit != "seconds" and 1 in spec.interval:
+                wanted[name] = number(1)
+            if spec.kind == "choice":
+                wanted[name] = spec.choices[-1]
+            try:
+                known(**wanted)
+                options = wanted
+            except ValueError:
+                pass
+        for mesh in meshes:
+            for threads in (1, 2):
+                smooth(mesh, known(**options, threads=threads))
+                smooth(mesh, known(max_sweeps=12, threads=threads, selection=[0, 1]))
+kernels, twice = set(), {}
+for module in pkgutil.iter_modules(qsmooth.kernels.__path__, "qsmooth.kernels."):
+    for name, thing in vars(importlib.import_module(module.name)).items():
+        for form in ("serial", "parallel", ""):
+            kernel = getattr(thing, form, None) if form else thing
+            if not getattr(kernel, "targetoptions", {}).get("nogil"):
+                continue  # a helper, which kernels compile into themselves
+            kernels.add(f"{name} {form}")
+            if len(kernel.signatures) > 1:
+                twice[f"{name} {form}"] = [str(s) for s in kernel.signatures]
+print(json.dumps([len(kernels), twice]))
+"""
+
+
+@pytest.mark.skipif(bool(os.environ.get("NUMBA_DISABLE_JIT")), reason="nothing is compiled")
+def test_no_kernel_is_compiled_for_other_types_than_those_that_ship():
+    n_kernels, twice = json.loads(run(TYPES, NUMBA_NUM_THREADS="2"))
+    assert n_kernels > 30
+    assert twice == {}

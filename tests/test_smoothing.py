@@ -1,4 +1,4 @@
-"""The driver: options, what it reports, when it stops, and meshes with something wrong."""
+"""The ways in: smooth, untangle, compare; names, options and what each refuses."""
 
 import math
 import re
@@ -6,486 +6,277 @@ import re
 import numpy as np
 import pytest
 
-import reference
-from meshes import annulus, grid, random_mesh, tangle, tilt
+from meshes import annulus, grid, random_mesh, tangle
 from qsmooth import (
+    Angle,
+    Laplacian,
     Mesh,
+    MeshError,
+    Optimize,
+    Star,
+    Stop,
+    Untangle,
+    compare,
     quality,
     smooth,
-    smooth_laplacian,
-    smooth_quad,
-    smooth_smart_laplacian,
-    smooth_star,
-    smoothing,
+    untangle,
 )
+from qsmooth.registry import all_methods, methods
 
-GUARDED = {
-    "star": smooth_star,
-    "quad": smooth_quad,
-    "smart-laplacian": smooth_smart_laplacian,
-}
-METHODS = {**GUARDED, "laplacian": smooth_laplacian}
+pytestmark = pytest.mark.nojit
+
+every_method = pytest.mark.parametrize("known", all_methods().values(), ids=all_methods())
 
 
-def rough(kind="quads", size=6, seed=1):
+def rough(kind="mixed", size=4, seed=1):
     return random_mesh(kind, size, seed=seed, amount=0.9).mesh
 
 
-# ------------------------------------------------------------------------------- options
-
-BAD = [
-    ({"max_sweeps": -1}, "max_sweeps must be an integer of 0 or more, got -1"),
-    ({"max_sweeps": 2.0}, "max_sweeps must be an integer of 0 or more, got 2.0"),
-    ({"max_sweeps": True}, "max_sweeps must be an integer of 0 or more, got True"),
-    ({"max_sweeps": math.nan}, "max_sweeps must be an integer of 0 or more, got nan"),
-    ({"rtol": -1e-9}, "rtol must be in [0, 1), got -1e-09"),
-    ({"rtol": 1.0}, "rtol must be in [0, 1), got 1.0"),
-    ({"rtol": math.nan}, "rtol must be in [0, 1), got nan"),
-    ({"guard": "none"}, "guard must be 'quality' or 'clearance', got 'none'"),
-    ({"guard": None}, "guard must be 'quality' or 'clearance', got None"),
-    ({"min_angle": 0.0}, "min_angle must be in (0, 180) degrees, got 0.0"),
-    ({"min_angle": math.nan}, "min_angle must be in (0, 180) degrees, got nan"),
-    ({"min_angle": 120.0}, "max_angle must be over min_angle and below 180 degrees, got 120.0"),
-    ({"max_angle": 60.0}, "max_angle must be over min_angle and below 180 degrees, got 60.0"),
-    ({"max_angle": 180.0}, "max_angle must be over min_angle and below 180 degrees, got 180.0"),
-    ({"max_angle": math.nan}, "max_angle must be over min_angle and below 180 degrees, got nan"),
-    ({"max_angle": math.inf}, "max_angle must be over min_angle and below 180 degrees, got inf"),
-    ({"triangle_min_angle": -5.0}, "triangle_min_angle must be in (0, 180) degrees, got -5.0"),
-    ({"triangle_min_angle": 90.0},
-     "triangle_max_angle must be over triangle_min_angle and below 180 degrees, got 90.0"),
-    ({"triangle_max_angle": 200.0},
-     "triangle_max_angle must be over triangle_min_angle and below 180 degrees, got 200.0"),
-    ({"triangle_max_angle": math.nan},
-     "triangle_max_angle must be over triangle_min_angle and below 180 degrees, got nan"),
-    ({"step": 0.0}, "step must be in (0, 1], got 0.0"),
-    ({"step": 1.5}, "step must be in (0, 1], got 1.5"),
-    ({"step": math.nan}, "step must be in (0, 1], got nan"),
-    ({"worst_fraction": 0.0}, "worst_fraction must be in (0, 1], got 0.0"),
-    ({"worst_fraction": 1.01}, "worst_fraction must be in (0, 1], got 1.01"),
-    ({"worst_fraction": math.nan}, "worst_fraction must be in (0, 1], got nan"),
-    ({"threads": 0}, "threads must be an integer of 1 or more, got 0"),
-    ({"threads": 1.0}, "threads must be an integer of 1 or more, got 1.0"),
-    ({"threads": True}, "threads must be an integer of 1 or more, got True"),
-    ({"threads": 10**6}, "threads must be at most "),
-]  # fmt: skip
+# ------------------------------------------------------------------------------- smooth
 
 
-@pytest.mark.nojit
-@pytest.mark.parametrize(("options", "message"), BAD, ids=[str(o) for o, _ in BAD])
-def test_an_option_out_of_range_is_named_with_its_range_and_value(options, message):
-    for run in (smooth_star, smooth_quad):
-        with pytest.raises(ValueError, match=f"^{re.escape(message)}"):
-            run(grid(2, 2), **options)
-
-
-@pytest.mark.nojit
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"max_sweeps": np.int32(3)},
-        {"rtol": 0},
-        {"rtol": np.float32(0.5)},
-        {"step": 1},
-        {"worst_fraction": 1e-9},
-        {"min_angle": 1e-9, "max_angle": 179.999},
-        {"min_angle": np.float64(89), "max_angle": 90},
-        {"threads": np.int64(1)},
-    ],
-    ids=str,
-)
-def test_options_at_the_ends_of_their_ranges_and_of_other_number_types(options):
-    for run in (smooth_star, smooth_quad):
-        result = run(rough(size=3), **options)
-        assert result.after.n_invalid == 0
-
-
-@pytest.mark.nojit
-@pytest.mark.parametrize(
-    ("method", "options"),
-    [
-        ("laplacian", {"guard": "clearance"}),
-        ("laplacian", {"step": 0.25}),
-        ("smart-laplacian", {"worst_fraction": 0.5}),
-        ("smart-laplacian", {"max_angle": 100.0}),
-        ("laplacian", {"triangle_min_angle": 40.0}),
-    ],
-)
-def test_an_option_that_a_method_does_not_have(method, options):
-    (option,) = options
-    with pytest.raises(ValueError, match=f"method '{method}' has no option {option}"):
-        smooth(grid(2, 2), method, **options)
-    with pytest.raises(TypeError, match="unexpected keyword"):
-        METHODS[method](grid(2, 2), **options)
-
-
-@pytest.mark.nojit
-@pytest.mark.parametrize(("method", "most"), [("star", 50), ("laplacian", 50), ("optimize", 5000)])
-def test_each_method_has_a_limit_of_its_own(monkeypatch, method, most):
-    from qsmooth import smoothing
-
-    seen = []
-    name = "_optimized" if method == "optimize" else "_iterate"
-    monkeypatch.setattr(smoothing, name, lambda *given: seen.extend(given))
-    smooth(grid(2, 2), method)
-    (settings,) = [given for given in seen if isinstance(given, smoothing._Settings)]
-    assert settings.max_sweeps == most
-
-
-@pytest.mark.nojit
-def test_a_method_that_is_none():
-    with pytest.raises(
-        ValueError, match=r"method must be one of auto, optimize, star, quad, .*; got 'fast'"
-    ):
-        smooth(grid(2, 2), "fast")
-
-
-@pytest.mark.nojit
-@pytest.mark.parametrize("method", METHODS)
-def test_options_are_keywords_and_a_pair_is_a_mesh(method):
-    with pytest.raises(TypeError):
-        METHODS[method](grid(2, 2), 5)
-    mesh = rough(size=3)
+@pytest.mark.parametrize("known", methods().values(), ids=methods())
+def test_a_name_with_options_and_a_method_with_its_own_are_the_same_call(known):
+    mesh = rough()
     results = [
-        smooth(mesh, method, max_sweeps=3),
-        METHODS[method](mesh, max_sweeps=3),
-        METHODS[method]((mesh.points, mesh.cells), max_sweeps=3),
-        METHODS[method]((mesh.points.tolist(), mesh.cells[0].tolist()), max_sweeps=3),
+        smooth(mesh, known.name, max_sweeps=3),
+        smooth(mesh, known(max_sweeps=3)),
+        smooth((mesh.points, mesh.cells), known.name, max_sweeps=np.int64(3)),
+        smooth((mesh.points.tolist(), [b.tolist() for b in mesh.cells]), known(max_sweeps=3)),
     ]
     for result in results:
-        assert result.method == method
-        assert np.array_equal(result.points, results[0].points)
-    with pytest.raises(TypeError, match=r"expected a Mesh, .* got str"):
-        METHODS[method]("mesh.off")
+        assert result.method == known.name
+        assert result.points.tobytes() == results[0].points.tobytes()
+        assert result.history == results[0].history
+        assert result.outcome == results[0].outcome
 
 
-# ------------------------------------------------------------------------------- the result
+def test_values_come_as_any_number_type_and_give_the_same_bits():
+    mesh = rough()
+    for plain, other in (({"step": 1.0}, {"step": 1}), ({"rtol": 0.5}, {"rtol": np.float32(0.5)})):
+        one, two = (smooth(mesh, "star", max_sweeps=3, **options) for options in (plain, other))
+        assert one.points.tobytes() == two.points.tobytes()
 
 
-@pytest.mark.nojit
-@pytest.mark.parametrize("method", METHODS)
-def test_history_tells_what_each_sweep_did(method):
-    mesh = rough(size=5)
-    seen = []
-    result = smooth(mesh, method, max_sweeps=4, rtol=0.0, callback=seen.append)
-    assert result.sweeps == 4
-    assert seen == list(result.history)
-    before = mesh.points
-    for n, record in enumerate(result.history, start=1):
-        now = smooth(mesh, method, max_sweeps=n, rtol=0.0)
-        assert now.history == result.history[:n]
-        own = quality(now.mesh)
-        assert record.min_angle == own.min_angle.min()
-        assert record.max_angle == own.max_angle.max()
-        assert record.mean_shape == own.shape.mean()
-        assert record.n_invalid == own.n_invalid
-        moves = np.hypot(*(now.points - before).T)
-        assert record.n_moved == (moves > 0.0).sum()
-        assert record.largest_move == pytest.approx(moves.max(), rel=1e-9)
-        assert record.largest_share > 0.0
-        before = now.points
+def test_options_beside_a_method_that_has_its_own():
+    with pytest.raises(TypeError, match=r"^options go into Star\(...\), not beside it: step, rtol"):
+        smooth(grid(2, 2), Star(), step=0.5, rtol=0.0)
+    with pytest.raises(TypeError, match=r"^options go into Optimize\(...\)"):
+        smooth(grid(2, 2), Optimize(), max_sweeps=5000)
 
 
-@pytest.mark.nojit
-@pytest.mark.parametrize("method", METHODS)
-def test_result_carries_both_summaries_and_the_input_stays(method):
-    mesh = rough(size=4)
+@pytest.mark.parametrize(
+    ("method", "options", "message"),
+    [
+        ("laplacian", {"guard": "clearance"}, "method 'laplacian' has no option 'guard'"),
+        ("star", {"stepp": 0.25}, "method 'star' has no option 'stepp'; did you mean 'step'?"),
+        ("star", {"max_sweep": 3}, "has no option 'max_sweep'; did you mean 'max_sweeps'?"),
+        ("optimize", {"rtol": 0.1}, "method 'optimize' has no option 'rtol'"),
+        ("auto", {"max_angle": 110.0}, "method 'optimize' has no option 'max_angle'"),
+        ("auto", {"split_quads": True, "worst": True}, "method 'aspect-ratio' has no option"),
+    ],
+)
+def test_an_option_that_the_method_does_not_have(method, options, message):
+    with pytest.raises(TypeError, match=f"{re.escape(message)}"):
+        smooth(grid(2, 2), method, **options)
+
+
+@every_method
+def test_no_method_has_an_option_of_another_without_saying_so(known):
+    # Each name of any method that this one does not have is refused; a value need not be looked at.
+    others = {name for m in all_methods().values() for name in m.specs()} - known.specs().keys()
+    for name in others:
+        with pytest.raises(TypeError, match=f"^method '{known.name}' has no option '{name}'"):
+            known.of({name: object()})
+
+
+def test_a_method_that_is_none():
+    with pytest.raises(ValueError, match=r"^method must be one of auto, optimize, .*; got 'fast'"):
+        smooth(grid(2, 2), "fast")
+    with pytest.raises(ValueError, match="did you mean 'laplacian'"):
+        smooth(grid(2, 2), "laplacien")
+    with pytest.raises(ValueError, match="method must be one of"):
+        smooth(grid(2, 2), Star)
+
+
+def test_what_is_no_mesh():
+    for run in (smooth, untangle, compare):
+        with pytest.raises(TypeError, match="str"):
+            run("mesh.off")
+        with pytest.raises(MeshError):
+            run(([(0, 0), (1, 0)], [(0, 1, 2)]))
+
+
+@every_method
+def test_options_out_of_range_are_named(known):
+    for options, message in (
+        ({"max_sweeps": -1}, "max_sweeps must be an integer of 0 or more, got -1"),
+        ({"max_sweeps": 1.5}, "max_sweeps must be an integer of 0 or more, got 1.5"),
+        ({"time_limit": 0.0}, "time_limit must be over 0 seconds, got 0.0"),
+        ({"time_limit": math.nan}, "time_limit must be over 0 seconds, got nan"),
+        ({"threads": 0}, "threads must be an integer of 1 or more, got 0"),
+        ({"threads": True}, "threads must be an integer of 1 or more, got True"),
+        ({"selection_rings": -1}, "selection_rings must be an integer of 0 or more, got -1"),
+        ({"keep_interfaces": 1}, "keep_interfaces must be True or False, got 1"),
+    ):
+        with pytest.raises(ValueError, match=f"^{re.escape(message)}"):
+            known.of(options)
+    with pytest.raises(ValueError, match=r"^threads must be at most \d+ here, got 1000000"):
+        smooth(rough(), known(threads=10**6))
+
+
+# ------------------------------------------------------------------------------- auto
+
+
+@pytest.mark.parametrize("kind", ["quads", "mixed", "triangles"])
+def test_auto_means_optimize(kind):
+    mesh = rough(kind, 3)
+    auto, named, unnamed = (
+        smooth(mesh, *method, max_sweeps=5) for method in (("auto",), ("optimize",), ())
+    )
+    assert auto.method == named.method == unnamed.method == "optimize"
+    assert auto.points.tobytes() == named.points.tobytes() == unnamed.points.tobytes()
+    assert auto.outcome == unnamed.outcome == named.outcome
+    assert "auto" not in named.reason
+
+
+def test_auto_takes_the_triangle_method_for_quads_that_are_cut():
+    mesh = rough("quads")
+    result = smooth(mesh, split_quads=True, max_sweeps=1)
+    assert result.method == "aspect-ratio"
+    assert result.outcome.chosen
+    assert result.reason.startswith("auto chose aspect-ratio, as the quads are cut in triangles")
+
+
+# ------------------------------------------------------------------------------- results
+
+
+@every_method
+def test_the_input_stays_and_the_result_has_both_summaries(known):
+    mesh = rough()
     points = mesh.points.copy()
-    result = smooth(mesh, method)
-    assert np.array_equal(mesh.points, points)
+    result = smooth(mesh, known(max_sweeps=10))
+    assert mesh.points.tobytes() == points.tobytes()
     assert result.before == quality(mesh).summary()
     assert result.after == quality(result.mesh).summary()
-    assert result.points is result.mesh.points
-    assert result.mesh.cell_vertices is mesh.cell_vertices
-    assert [b.tolist() for b in result.mesh.cells] == [b.tolist() for b in mesh.cells]
+    assert result.mesh.topology is mesh.topology
+    assert all(np.array_equal(a, b) for a, b in zip(result.mesh.cells, mesh.cells, strict=True))
     assert result.seconds >= 0.0
-    assert np.array_equal(result.points[mesh.is_boundary], points[mesh.is_boundary])
-    assert result.after.worst["scaled_jacobian"] >= result.before.worst["scaled_jacobian"]
 
 
-@pytest.mark.nojit
-def test_an_exception_in_the_callback_gets_through():
+@every_method
+def test_no_sweep(known):
+    mesh = rough()
+    result = smooth(mesh, known(max_sweeps=0))
+    assert (result.sweeps, result.history) == (0, ())
+    assert result.outcome.unchanged
+    assert np.array_equal(result.points, mesh.points)
+    # Untangling has nothing to do here and is done; the others were not let to.
+    assert result.outcome.stop is (Stop.VALID if known is Untangle else Stop.MAX_SWEEPS)
+
+
+@every_method
+def test_nothing_can_move(known):
+    mesh = rough("triangles")
+    result = smooth(Mesh(mesh.points, mesh.cells, fixed=np.arange(mesh.n_vertices)), known())
+    assert result.outcome.stop is Stop.NOTHING_MOVES
+    assert result.converged
+    assert result.sweeps == 0
+    assert result.reason == "no vertex can move: all are on the boundary, fixed or in no cell"
+
+
+def test_a_mesh_as_good_as_the_method_gets():
+    squares = Mesh(*grid(4, 4))
+    for known in methods().values():
+        if not known().why_not(squares):
+            result = smooth(squares, known())
+            assert result.outcome.unchanged, known
+            assert result.converged
+            assert result.reason.startswith("already as good as this method gets: unchanged")
+
+
+@every_method
+def test_a_time_limit_stops_it(known):
+    mesh = rough()
+    tangled = mesh.with_points(tangle(mesh.points, mesh.cells, np.random.default_rng(2), 1.0))
+    result = smooth(tangled, known(time_limit=1e-9))
+    assert result.outcome.stop is Stop.TIME_LIMIT
+    assert result.outcome.stop_at == 1e-9
+    assert not result.converged
+    assert "the time limit of 1e-09 s was reached" in result.reason
+
+
+@every_method
+def test_an_exception_in_the_callback_gets_through(known):
     def stop(record):
         raise KeyboardInterrupt
 
+    mesh = rough()
+    tangled = mesh.with_points(tangle(mesh.points, mesh.cells, np.random.default_rng(2), 1.0))
     with pytest.raises(KeyboardInterrupt):
-        smooth_star(rough(size=3), callback=stop)
-    assert smooth_star(rough(size=3)).sweeps > 0
-
-
-# ------------------------------------------------------------------------------- when it stops
-
-
-@pytest.mark.nojit
-@pytest.mark.parametrize("method", METHODS)
-def test_no_sweep(method):
-    mesh = rough(size=3)
-    result = smooth(mesh, method, max_sweeps=0)
-    assert (result.sweeps, result.history, result.converged) == (0, (), False)
-    assert result.reason == "no sweep was asked for"
-    assert np.array_equal(result.points, mesh.points)
-
-
-@pytest.mark.nojit
-@pytest.mark.parametrize("method", METHODS)
-def test_nothing_can_move(method):
-    result = smooth(grid(5, 1), method)
-    assert result.converged
-    assert result.sweeps == 0
-    assert result.reason.startswith("no vertex can move")
-
-
-@pytest.mark.nojit
-@pytest.mark.parametrize("method", METHODS)
-def test_a_square_grid_rests_at_once(method):
-    points, cells = grid(4, 4)
-    result = smooth((points, cells), method)
-    assert result.converged
-    assert result.sweeps == 1
-    assert "every vertex rests" in result.reason
-    assert np.array_equal(result.points, points)
-
-
-@pytest.mark.nojit
-@pytest.mark.parametrize("method", METHODS)
-def test_rtol_of_zero_runs_all_sweeps(method):
-    result = smooth(grid(3, 3), method, rtol=0.0, max_sweeps=7)
-    assert result.sweeps == 7
-    assert not result.converged
-    assert result.reason.startswith("stopped after 7 sweeps, as max_sweeps says")
-
-
-@pytest.mark.nojit
-@pytest.mark.parametrize("method", METHODS)
-def test_out_of_sweeps_is_a_result(method):
-    result = smooth(rough(), method, max_sweeps=2)
-    assert result.sweeps == 2
-    assert not result.converged
-    assert result.reason.startswith("stopped after 2 sweeps, as max_sweeps says")
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_rest_means_what_rtol_says(method):
-    mesh = rough(size=4)
-    rests = [
-        r
-        for rtol in (0.3, 0.05, 0.01)
-        if "rests" in (r := smooth(mesh, method, rtol=rtol, max_sweeps=500)).reason
-        and r.history[-1].largest_share <= rtol
-        and all(record.largest_share > rtol for record in r.history[:-1])
-    ]
-    assert rests
-    assert all(r.converged for r in rests)
-
-
-def test_quality_that_no_longer_improves_is_reason_to_stop():
-    mesh = rough("L", 8, seed=2)
-    result = smooth_star(mesh, rtol=1e-12, max_sweeps=2000)
-    assert result.converged
-    assert result.reason == "quality has not improved for 10 sweeps"
-    past, recent = result.history[:-10], result.history[-10:]
-    assert max(r.min_angle for r in recent) <= max(r.min_angle for r in past) + 0.01
-    assert min(r.max_angle for r in recent) >= min(r.max_angle for r in past) - 0.01
-    assert max(r.mean_shape for r in recent) <= max(r.mean_shape for r in past) + 1e-4
-
-
-# ------------------------------------------------------------------------------- worst_fraction
-
-
-@pytest.mark.nojit
-@pytest.mark.parametrize("method", ["star", "quad"])
-@pytest.mark.parametrize("fraction", [0.01, 0.2, 0.6])
-def test_only_the_worst_cells_make_proposals(method, fraction):
-    mesh = rough("quads", 6, seed=7)
-    result = smooth(mesh, method, worst_fraction=fraction, max_sweeps=1)
-    points, cells = reference.as_complex(mesh.xy), reference.as_lists(mesh)
-    worst = reference.worst_cells(points, cells, fraction)
-    assert len(worst) == math.ceil(fraction * mesh.n_cells)
-    touched = {v for c in worst for v in cells[c]}
-    moved = np.flatnonzero((result.points != mesh.points).any(axis=1))
-    assert len(moved)
-    assert set(moved.tolist()) <= touched
-
-
-# ------------------------------------------------------------------------------- threads
-
-
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("kind", ["quads", "mixed"])
-def test_two_threads_give_the_bits_of_one(method, kind):
-    mesh = rough(kind, 24, seed=9)
-    one = smooth(mesh, method, max_sweeps=8, rtol=0.0, threads=1)
-    two = smooth(mesh, method, max_sweeps=8, rtol=0.0, threads=2)
-    own = smooth(mesh, method, max_sweeps=8, rtol=0.0)
-    assert one.points.tobytes() == two.points.tobytes() == own.points.tobytes()
-    assert one.history == two.history == own.history
+        smooth(tangled, known(callback=stop))
+    assert smooth(tangled, known(max_sweeps=2)).sweeps > 0
 
 
 def test_smoothing_from_several_python_threads_at_once():
     from concurrent.futures import ThreadPoolExecutor
 
-    meshes = [rough("quads", 10, seed=k) for k in range(4)]
-    alone = [smooth_star(mesh, max_sweeps=5, threads=1).points.tobytes() for mesh in meshes]
+    meshes = [rough("quads", 6, seed=k) for k in range(4)]
+    alone = [smooth(mesh, "star", max_sweeps=5, threads=1).points.tobytes() for mesh in meshes]
     with ThreadPoolExecutor(4) as pool:
-        together = pool.map(lambda m: smooth_star(m, max_sweeps=5, threads=1).points, meshes)
+        together = pool.map(lambda m: smooth(m, Star(max_sweeps=5, threads=1)).points, meshes)
         assert [points.tobytes() for points in together] == alone
 
 
-# ------------------------------------------------------------------------------- not so good meshes
+# ------------------------------------------------------------------------------- untangle
 
 
-@pytest.mark.nojit
-def test_plain_laplacian_inverts_cells_on_a_concave_domain_and_says_so():
-    # Five cells around: the mean of the neighbours, along chords, lies within the hole.
-    mesh = Mesh(*annulus(5, 2))
-    result = smooth_laplacian(mesh)
-    assert result.before.n_invalid == 0
-    n = result.after.n_invalid
-    assert n > 0
-    assert result.history[-1].n_invalid == n
-    assert re.search(f"laplacian is unguarded.* made {n} cells invalid", result.reason)
-    for method in GUARDED:
-        guarded = smooth(mesh, method)
-        assert guarded.after.n_invalid == 0
-        assert all(record.n_invalid == 0 for record in guarded.history)
-        assert "invalid" not in guarded.reason
+def test_untangle_is_its_method():
+    points, cells = grid(2, 2)
+    points[4] = 2.7, 0.1
+    results = [untangle((points, cells), threads=1), Untangle(threads=1).run(Mesh(points, cells))]
+    for result in results:
+        assert result.outcome.method == "untangle"
+        assert result.outcome.stop is Stop.VALID
+    assert results[0].points.tobytes() == results[1].points.tobytes()
+    with pytest.raises(TypeError, match="method 'untangle' has no option 'mean_los'"):
+        untangle((points, cells), mean_los=0.1)
+    with pytest.raises(TypeError, match="method 'untangle' has no option 'thread'; did you mean"):
+        untangle((points, cells), thread=1)
 
 
-def lost_corners(before, after):
-    """Positive corners of one mesh that are not positive in the other."""
-    old, new = reference.as_complex(before.xy), reference.as_complex(after.xy)
-    return [
-        (c, i)
-        for c, cell in enumerate(reference.as_lists(before))
-        for i, (a, b) in enumerate(
-            zip(reference.corner_signs(old, cell), reference.corner_signs(new, cell), strict=True)
-        )
-        if a > 0 >= b
-    ]
+# ------------------------------------------------------------------------------- compare
 
 
-@pytest.mark.parametrize("guard", ["quality", "clearance"])
-@pytest.mark.parametrize("method", GUARDED)
-@pytest.mark.parametrize("kind", ["quads", "triangles", "mixed", "L", "annulus"])
-@pytest.mark.parametrize("seed", [0, 1])
-def test_a_tangled_mesh_loses_no_valid_corner_and_the_reason_says_so(kind, method, guard, seed):
-    made = random_mesh(kind, 5, seed=seed)
-    points = tangle(made.points, made.cells, np.random.default_rng(seed), 0.8)
-    mesh = made.mesh.with_points(points)
-    n_before = quality(mesh).n_invalid
-    assert n_before
-    for sweeps in (1, 2, 10):
-        result = smooth(mesh, method, guard=guard, max_sweeps=sweeps, rtol=0.0)
-        assert not lost_corners(mesh, result.mesh)
-        n = result.after.n_invalid
-        cells = "1 cell" if n == 1 else f"{n} cells"
-        assert f"and {method} does not untangle: {cells} invalid now" in result.reason
-        assert f"invalid) and {method}" in result.reason
+def test_every_method_from_the_same_start_each_with_the_options_it_has():
+    mesh = rough()
+    results, skipped = compare(mesh, max_sweeps=2, step=0.5)
+    assert [*results] == [*methods()]
+    assert skipped == {}
+    for name, result in results.items():
+        own = {"step": 0.5} if "step" in methods()[name].specs() else {}
+        assert result.points.tobytes() == smooth(mesh, name, max_sweeps=2, **own).points.tobytes()
 
 
-ODD = {
-    "two vertices at one place": (
-        [(0, 0), (1, 0), (2, 0), (0, 1), (1, 1), (2, 1), (0, 2), (1, 2), (2, 2), (1, 1)],
-        [[(0, 1, 4, 3), (1, 2, 5, 4), (4, 5, 8, 7), (3, 4, 7, 6)], [(9, 5, 8)]],
-    ),
-    "an edge of no length": (
-        [(0, 0), (1, 0), (2, 0), (0, 1), (2, 1), (2, 1), (0, 2), (1, 2), (2, 2)],
-        [(0, 1, 4, 3), (1, 2, 5, 4), (4, 5, 8, 7), (3, 4, 7, 6)],
-    ),
-    "all at one place": ([(3, 3)] * 9, grid(2, 2)[1]),
-    "all on a line": ([(k, 0) for k in range(9)], grid(2, 2)[1]),
-    "a hanging node": (
-        [(0, 0), (2, 0), (2, 1), (2, 2), (0, 2), (3, 0), (3.2, 1), (3, 2), (4, 0), (4, 1), (4, 2)],
-        [(0, 1, 3, 4), (1, 5, 6, 2), (2, 6, 7, 3), (5, 8, 9, 6), (6, 9, 10, 7)],
-    ),
-    "a pinched vertex": (
-        [(0, 0), (1, 0), (1, 1), (0, 1), (2, 1), (2, 2), (1, 2)],
-        [(0, 1, 2, 3), (2, 4, 5, 6)],
-    ),
-    "a doublet": (
-        [(0, 0), (2, 0), (2, 2), (0, 2), (0.9, 1)],
-        [(0, 1, 2, 4), (0, 4, 2, 3)],
-    ),
-    "a cell inside out": (
-        [(0, 0), (1, 0), (2, 0), (0, 1), (5, 5), (2, 1), (0, 2), (1, 2), (2, 2)],
-        grid(2, 2)[1],
-    ),
-}
-
-
-@pytest.mark.nojit
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("name", ODD)
-def test_odd_meshes_crash_nothing(name, method):
-    points, cells = ODD[name]
-    mesh = Mesh(np.array(points, dtype=float), cells)
-    result = smooth(mesh, method, max_sweeps=5, rtol=0.0)
-    assert np.isfinite(result.points).all()
-    assert np.array_equal(result.points[mesh.is_fixed], mesh.points[mesh.is_fixed])
-    if method in GUARDED:
-        assert not lost_corners(mesh, result.mesh)
-        assert result.after.n_invalid <= result.before.n_invalid
-    str(result.before)
-
-
-@pytest.mark.nojit
-def test_disconnected_parts_are_each_on_their_own():
-    one = random_mesh("quads", 4, seed=1, amount=0.9)
-    two = random_mesh("mixed", 4, seed=2, amount=0.9)
-    n = len(one.points)
-    both = Mesh(
-        np.concatenate([one.points, two.points + 1000.0]),
-        [*one.cells, *(block[:, ::-1] + n for block in two.cells)],
+def test_some_methods_by_name_or_with_options():
+    mesh = Mesh(*annulus(12, 3))
+    results, skipped = compare(
+        mesh, ["star", Laplacian(max_sweeps=1), "aspect-ratio"], max_sweeps=2
     )
-    assert both.topology.n_parts == 2
-    result = smooth_star(both, max_sweeps=5, rtol=0.0, guard="clearance")
-    alone = smooth_star(one.mesh, max_sweeps=5, rtol=0.0, guard="clearance")
-    np.testing.assert_allclose(result.points[:n], alone.points, atol=1e-10)
-    assert result.after.n_invalid == 0
+    assert [*results] == ["star", "laplacian"]
+    assert results["laplacian"].sweeps == 1
+    assert list(skipped) == ["aspect-ratio"]
+    assert "for triangles and there is none" in skipped["aspect-ratio"]
+    with pytest.raises(ValueError, match="for triangles and there is none"):
+        compare(mesh, ["aspect-ratio"])
 
 
-@pytest.mark.nojit
-def test_what_is_valid_by_a_hair_in_a_tilted_plane_is_valid_as_it_is_stored():
-    # The centre of four squares goes to a hair's breadth from a diagonal. In the plane's own
-    # coordinates that is valid; where rounding to points in space would spoil it, it goes back.
-    kept, taken_back = 0, 0
-    flat, cells = grid(2, 2)
-    for seed in range(20):
-        mesh = Mesh(tilt(flat, seed) + 1000.0, cells)
-        a, b = mesh.xy[1], mesh.xy[3]
-        xy = mesh.xy.copy()
-        for hair in (1e-15, 1e-14, 1e-11):
-            xy[4] = 0.3 * a + 0.7 * b + hair * (mesh.xy[8] - mesh.xy[0])
-            if quality(mesh.with_points(xy)).n_invalid:
-                continue
-            result = smoothing._stored(mesh, xy.copy())
-            assert quality(result).n_invalid == 0
-            moved = (result.points != mesh.points).any(axis=1)
-            assert moved.tolist() in ([False] * 9, [v == 4 for v in range(9)])
-            kept += moved.any()
-            taken_back += not moved.any()
-    assert kept
-    assert taken_back
-
-
-@pytest.mark.nojit
-@pytest.mark.parametrize("method", GUARDED)
-def test_the_whole_mesh_clockwise_is_the_same_mesh(method):
-    made = random_mesh("quads", 5, seed=4, amount=0.9)
-    result = smooth(made.mesh, method, max_sweeps=3, rtol=0.0)
-    turned = Mesh(made.points, [block[:, ::-1] for block in made.cells])
-    other = smooth(turned, method, max_sweeps=3, rtol=0.0)
-    np.testing.assert_allclose(other.points, result.points, atol=1e-12)
-    assert other.before.n_invalid == 0
-
-
-@pytest.mark.nojit
-def test_quality_guard_against_clearance_alone():
-    # On good graded cells the paper's check alone lets the worst one fall, the default does not.
-    for amount in (0.0, 0.1, 0.3):
-        mesh = random_mesh("graded", 6, seed=1, amount=amount).mesh
-        for method in ("star", "quad"):
-            kept = smooth(mesh, method, rtol=0.0, max_sweeps=10)
-            assert kept.after.worst["scaled_jacobian"] >= kept.before.worst["scaled_jacobian"]
-            loose = smooth(mesh, method, rtol=0.0, max_sweeps=10, guard="clearance")
-            assert loose.after.n_invalid == 0
-            assert loose.after.worst["scaled_jacobian"] < loose.before.worst["scaled_jacobian"]
+def test_options_that_no_compared_method_has():
+    with pytest.raises(TypeError, match="no option 'mean_loss' in any of the methods star, quad"):
+        compare(rough(), ["star", "quad"], mean_loss=0.1)
+    with pytest.raises(TypeError, match="no option 'stepp'"):
+        compare(rough(), [Angle(), "star"], stepp=0.5)
+    with pytest.raises(ValueError, match=r"step must be in \(0, 1\], got 3"):
+        compare(rough(), ["star"], step=3)
+    with pytest.raises(ValueError, match="did you mean 'star'"):
+        compare(rough(), ["stra"])

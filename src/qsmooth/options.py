@@ -20,6 +20,8 @@ from typing import Any, ClassVar, Literal
 from qsmooth._words import did_you_mean
 
 _METADATA = "qsmooth"
+_NUMBER = r"\s*([-+]?(?:[\d.]+(?:e[-+]?\d+)?|inf))\s*"
+_INTERVAL = re.compile(rf"([\[(]){_NUMBER},{_NUMBER}([\])])")
 # An option in a text, with a value or without: "`bad_step`", "`split_quads='shorter'`".
 _NAMED = re.compile(r"`(\w+(?:=[^`]*)?)`")
 
@@ -49,9 +51,17 @@ class Interval:
 
     @classmethod
     def parse(cls, text: str) -> Interval:
-        """Read an interval such as ``"[0, 1)"`` or ``"(0, inf)"``."""
-        low, high = text[1:-1].split(",")
-        return cls(float(low), float(high), text[0] == "[", text[-1] == "]")
+        """Read an interval such as ``"[0, 1)"`` or ``"(0, inf)"``.
+
+        Raises
+        ------
+        ValueError
+            If it does not read like that.
+        """
+        match = _INTERVAL.fullmatch(text)
+        if match is None:
+            raise ValueError(f"an interval reads like '(0, 1]', got {text!r}")
+        return cls(float(match[2]), float(match[3]), match[1] == "[", match[4] == "]")
 
     def __contains__(self, value: float) -> bool:
         above = value >= self.low if self.with_low else value > self.low

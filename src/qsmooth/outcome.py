@@ -7,6 +7,8 @@ from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from typing import Any
 
+from qsmooth._json import finite
+
 
 class Stop(StrEnum):
     """Why a method stopped."""
@@ -193,12 +195,12 @@ class Outcome:
         return sum(stage.sweeps for stage in self.stages)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values, fit for JSON."""
+        """Plain values, fit for JSON: None for what is not finite."""
         plain: dict[str, Any] = {**vars(self), "stop": self.stop.value, "sweeps": self.sweeps}
-        plain["stop_at"] = None if math.isnan(self.stop_at) else self.stop_at
         for name in ("stages", "trades"):
             plain[name] = [asdict(record) for record in plain[name]]
         for name in ("forbidden", "invalid", "cut"):
             plain[name] = None if plain[name] is None else asdict(plain[name])
         plain["limits"] = None if self.limits is None else self.limits.to_dict()
-        return plain
+        made_finite: dict[str, Any] = finite(plain)
+        return made_finite

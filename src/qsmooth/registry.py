@@ -49,9 +49,10 @@ def method_class(name: str) -> type[Method]:
     if isinstance(name, str) and name in known:
         return known[name]
     names = ["auto", *known]
-    raise OptionError(
-        f"`method` must be one of {', '.join(names)}; got {name!r}{did_you_mean(name, names)}"
-    )
+    hint = did_you_mean(name, names)
+    if isinstance(name, str) and name in all_methods():
+        hint = f"; that is qsmooth.{name}"
+    raise OptionError(f"`method` must be one of {', '.join(names)}; got {name!r}{hint}")
 
 
 def choose(options: Mapping[str, Any]) -> tuple[str, str]:

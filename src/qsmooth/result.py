@@ -9,6 +9,7 @@ from typing import Any, SupportsIndex, overload
 import numpy as np
 import numpy.typing as npt
 
+from qsmooth._json import finite
 from qsmooth._types import FloatArray
 from qsmooth._words import did_you_mean
 from qsmooth.mesh import Mesh
@@ -122,7 +123,7 @@ class SmoothResult:
         return reason(self.outcome)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values, fit for JSON, without the mesh."""
+        """Plain values, fit for JSON, without the mesh: None for what is not finite."""
         return {
             "method": self.method,
             "sweeps": self.sweeps,
@@ -132,5 +133,5 @@ class SmoothResult:
             "outcome": self.outcome.to_dict(),
             "before": self.before.to_dict(),
             "after": self.after.to_dict(),
-            "history": [asdict(record) for record in self.history],
+            "history": [finite(asdict(record)) for record in self.history],
         }

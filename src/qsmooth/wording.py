@@ -29,7 +29,9 @@ def reason(outcome: Outcome, *, spell: Callable[[str], str] = str, limits: bool 
             f"{plural(cut.quads, 'quad was', 'quads were')} smoothed as two triangles each, cut "
             f"along the {cut.diagonal} diagonal, which broke {cut.broken or 'none'} of them"
         )
-    parts += [*_done(outcome), *_given_up(outcome, spell), *_why(outcome, spell)]
+    if not outcome.unchanged:
+        parts += _done(outcome)
+    parts += [*_given_up(outcome, spell), *_why(outcome, spell)]
     parts += _not_valid(outcome)
     if limits and outcome.limits is not None:
         parts += str(outcome.limits).splitlines()
@@ -41,9 +43,7 @@ def _done(outcome: Outcome) -> list[str]:
     said: dict[Aim, Callable[[Stage, Outcome], str]] = {
         Aim.UNTANGLE: _untangled,
         Aim.MEAN_SHAPE: _improved,
-        Aim.WORST_CELLS: lambda stage, _: (
-            f"then the worst cells in {plural(stage.sweeps, 'sweep')}"
-        ),
+        Aim.WORST_CELLS: _mended,
     }
     texts = [said[stage.aim](stage, outcome) for stage in outcome.stages if stage.aim in said]
     return [text for text in texts if text]
@@ -89,7 +89,9 @@ def _why(outcome: Outcome, spell: Callable[[str], str]) -> list[str]:
             return ["no vertex can move: all selected are on the boundary or fixed"]
         return ["no vertex can move: all are on the boundary, fixed or in no cell"]
     if outcome.stop is Stop.VALID:
-        return [] if outcome.sweeps else ["the mesh is valid: there was nothing to untangle"]
+        if not outcome.sweeps:
+            return ["the mesh is valid: there was nothing to untangle"]
+        return [] if _done(outcome) else ["all cells are valid"]
     if outcome.stop is Stop.TIME_LIMIT:
         return [f"the time limit of {outcome.stop_at:g} s was reached"]
     if outcome.stop is Stop.MAX_SWEEPS:
@@ -99,13 +101,15 @@ def _why(outcome: Outcome, spell: Callable[[str], str]) -> list[str]:
             f"stopped after {plural(outcome.sweeps, 'sweep')}, as {spell('max_sweeps')} says"
             + _still_moving(outcome)
         ]
+    if outcome.stop is Stop.TARGET_QUALITY:
+        return [f"the worst cell reached {spell('target_quality')}={outcome.stop_at:g}"]
     if outcome.unchanged:
         return [] if outcome.forbidden or outcome.invalid else [UNCHANGED]
     if outcome.stop is Stop.RESTS:
         return [
             f"every vertex rests: none moved by over {outcome.stop_at:.3g} of its shortest edge"
         ]
-    if outcome.stop is Stop.SETTLED and not outcome.untangles:
+    if outcome.stop is Stop.SETTLED and not _done(outcome):
         return ["quality no longer improves"]
     return []
 
@@ -139,8 +143,8 @@ def _not_valid(outcome: Outcome) -> list[str]:
 def _stays_invalid(invalid: Invalid) -> str:
     """Say which cells stay invalid, and for which of them that is proven."""
     text = (
-        f"{invalid.after} of {invalid.before} invalid cells stay invalid, the first is "
-        f"cell {invalid.first}"
+        f"{invalid.after} of {plural(invalid.before, 'invalid cell')} "
+        f"{'stays' if invalid.after == 1 else 'stay'} invalid, the first is cell {invalid.first}"
     )
     if invalid.proven:
         text += (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -66,7 +67,7 @@ class _Staged(Method):
             outcome=Outcome(
                 method=self.name,
                 stop=stop,
-                stop_at=progress.stop_at,
+                stop_at=self._stop_at(stop),
                 chosen=chosen,
                 untangles=True,
                 selected=self.selection is not None,
@@ -83,6 +84,11 @@ class _Staged(Method):
             after=after.summary(),
             seconds=seconds,
         )
+
+    def _stop_at(self, stop: Stop) -> float:
+        """Value of the option that stopped it, which has the stop's name; NaN where none did."""
+        value = getattr(self, stop.value, None)
+        return math.nan if value is None else float(value)
 
     def stages(self, lanes: Lanes, xy: FloatArray, before: Quality, progress: Progress) -> _Found:
         """Run the stages; `xy` may be changed."""

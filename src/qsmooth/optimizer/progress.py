@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -46,12 +45,6 @@ class Progress:
     def seconds(self) -> float:
         """Time since the start."""
         return time.perf_counter() - self._started
-
-    @property
-    def stop_at(self) -> float:
-        """The value of the option that stopped it, NaN where none did."""
-        value = None if self.stop is None else getattr(self._options, self.stop.value)
-        return math.nan if value is None else float(value)
 
     def spent(self) -> bool:
         """Whether a limit that the caller set is reached."""

@@ -28,6 +28,8 @@ LEAST_PROGRESS = 1e-3
 def untangle(lanes: Lanes, xy: FloatArray, progress: Progress) -> None:
     """Sweep until every cell is valid; else leave the coordinates with the fewest invalid cells.
 
+    A round that is over in between is noted, and what it comes to in the end.
+
     Parameters
     ----------
     lanes, progress
@@ -41,7 +43,7 @@ def untangle(lanes: Lanes, xy: FloatArray, progress: Progress) -> None:
     sizes = local_sizes(lanes.topology, xy)
     smallest = np.empty(lanes.topology.n_cells)
     best_count, best_xy = lanes.quality(xy).n_invalid, xy.copy()
-    n_hopeless = int(hopeless_cells(lanes, xy).sum())
+    n_hopeless, n_before = int(hopeless_cells(lanes, xy).sum()), progress.sweeps
     floor, least, patience = FLOOR, -np.inf, PATIENCE
     while best_count > n_hopeless and not progress.spent():
         smallest_determinant(xy, *cells, sizes, smallest)
@@ -63,6 +65,8 @@ def untangle(lanes: Lanes, xy: FloatArray, progress: Progress) -> None:
             if count < best_count:
                 best_count, best_xy[:] = count, xy
     xy[:] = best_xy
+    if progress.sweeps > n_before:
+        lanes.report(xy, lanes.quality(xy), progress)
 
 
 def with_proof(invalid: Invalid | None, lanes: Lanes, xy: FloatArray) -> Invalid | None:

@@ -1,0 +1,119 @@
+"""Newton steps on the whole mesh: downhill, repeatable, and taken where sweeps would creep."""
+
+import numpy as np
+import pytest
+
+from promises import check, invalid_cells
+from qsmooth import Optimize, smooth
+from qsmooth.examples import structured
+from qsmooth.kernels._jit import use_threads
+from qsmooth.optimizer import global_newton
+from qsmooth.optimizer.global_newton import GlobalNewton
+from qsmooth.outcome import Aim
+
+
+def solver(mesh):
+    return GlobalNewton(mesh.topology, mesh.topology.schedule(True))
+
+
+def warped(n=24, kind="quad"):
+    """A valid grid in which a whole region has to move."""
+    mesh = structured(n, n, kind=kind)
+    x, y = mesh.points.T
+    low = 0.5 * np.exp(-(((x - 0.5) / 0.15) ** 2))
+    return mesh.with_points(np.stack([x, y + low * (1.0 - y)], axis=1))
+
+
+def energy(mesh, xy):
+    from qsmooth.kernels.newton_sweep import cell_energy
+
+    worst, total = np.empty((2, mesh.n_cells))
+    movable = np.zeros(mesh.n_vertices, np.bool_)
+    movable[mesh.topology.schedule(True).vertices] = True
+    cell_energy(xy, mesh.cell_offsets, mesh.cell_vertices, movable, worst, total)
+    return float((total * np.where(np.diff(mesh.cell_offsets) == 3, 1.0, 4.0)).sum())
+
+
+@pytest.mark.parametrize("direct_up_to", [50_000, 0], ids=["direct", "multigrid"])
+@pytest.mark.parametrize("kind", ["quad", "triangle", "mixed"])
+def test_steps_on_the_whole_mesh_go_downhill_and_keep_it_valid(monkeypatch, kind, direct_up_to):
+    monkeypatch.setattr(global_newton, "DIRECT_UP_TO", direct_up_to)
+    mesh = warped(kind=kind)
+    steps = solver(mesh)
+    xy = mesh.xy.copy()
+    gains = []
+    for _ in range(4):
+        before = energy(mesh, xy)
+        state = np.random.get_state()  # noqa: NPY002
+        gains.append(steps.step(xy))
+        after = energy(mesh, xy)
+        now = np.random.get_state()  # noqa: NPY002
+        assert all(np.array_equal(a, b) for a, b in zip(state, now, strict=True))
+        assert after <= before
+        assert gains[-1] == pytest.approx(1.0 - after / before, abs=1e-12)
+        assert not invalid_cells(mesh.with_points(xy)).any()
+    assert gains[0] > 0.01
+    assert xy[mesh.is_fixed].tobytes() == mesh.xy[mesh.is_fixed].tobytes()
+
+
+@pytest.mark.parametrize("direct_up_to", [50_000, 0], ids=["direct", "multigrid"])
+def test_a_step_has_the_same_bits_twice_and_on_two_threads(monkeypatch, direct_up_to):
+    monkeypatch.setattr(global_newton, "DIRECT_UP_TO", direct_up_to)
+    mesh = warped()
+    ends = []
+    for threads in (1, 2):
+        np.random.seed(threads)  # noqa: NPY002
+        xy = mesh.xy.copy()
+        with use_threads(threads):
+            solver(mesh).step(xy)
+        ends.append(xy.tobytes())
+    assert ends[0] == ends[1]
+
+
+def test_direct_and_multigrid_steps_go_the_same_way(monkeypatch):
+    mesh = warped()
+    ends = []
+    for limit in (50_000, 0):
+        monkeypatch.setattr(global_newton, "DIRECT_UP_TO", limit)
+        xy = mesh.xy.copy()
+        solver(mesh).step(xy)
+        ends.append(xy - mesh.xy)
+    size = np.linalg.norm(ends[0])
+    assert np.linalg.norm(ends[0] - ends[1]) < 0.1 * size
+
+
+def test_few_steps_do_what_sweeps_take_hundreds_for():
+    mesh = warped(40)
+    xy = mesh.xy.copy()
+    steps = solver(mesh)
+    for _ in range(8):
+        steps.step(xy)
+    assert steps.step(xy) < 1e-3
+    swept = smooth(mesh, "optimize", worst=False, max_sweeps=50)
+    assert energy(mesh, xy) < energy(mesh, swept.mesh.xy)
+
+
+def test_a_step_at_the_optimum_changes_nothing():
+    mesh = structured(6, 6)
+    xy = mesh.xy.copy()
+    assert solver(mesh).step(xy) == pytest.approx(0.0, abs=1e-12)
+    assert xy == pytest.approx(mesh.xy, abs=1e-12)
+
+
+def test_where_sweeps_would_creep_it_takes_steps_on_the_whole_mesh(monkeypatch):
+    # All interior columns pressed to the left: a change has to cross the whole mesh.
+    mesh = structured(60, 60)
+    x, y = mesh.points.T
+    inside = ~mesh.is_boundary[:, None]
+    mesh = mesh.with_points(np.where(inside, np.stack([x**4, y], axis=1), mesh.points))
+    result = smooth(mesh, "optimize")
+    (mean, *_) = result.outcome.stages
+    assert mean.aim is Aim.MEAN_SHAPE
+    assert mean.steps > 0
+    assert f"and {mean.steps} Newton steps on the whole mesh" in result.reason
+    assert result.after.worst["min_angle"] > 89.0
+    check(mesh, Optimize())
+    mean = smooth(mesh, "optimize", worst=False, max_sweeps=200)
+    monkeypatch.setattr(GlobalNewton, "step", lambda self, xy: 0.0)
+    creeping = smooth(mesh, "optimize", worst=False, max_sweeps=200)
+    assert mean.after.mean["shape"] > creeping.after.mean["shape"] + 0.01
