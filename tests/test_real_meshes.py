@@ -103,7 +103,11 @@ def read(folder, file) -> Mesh:
 
 
 def test_every_mesh_of_the_folder_is_here(shared_meshes):
-    files = {p.name for p in shared_meshes.iterdir() if p.suffix not in (".md", ".py", ".poly")}
+    files = {
+        p.name
+        for p in shared_meshes.iterdir()
+        if p.is_file() and p.suffix not in (".md", ".py", ".poly")
+    }
     assert files == {*VALID, *TANGLED, *REFUSED}
 
 
@@ -114,8 +118,10 @@ def test_every_method_keeps_what_it_promises(shared_meshes, file):
     assert mesh.n_cells == VALID[file]
     assert quality(mesh).n_invalid == 0
     for options, method in cases(mesh, 3):
+        if mesh.n_cells > 5000 and options not in ({}, {"guard": "clearance"}):
+            continue  # the smaller meshes have what there is of odd places
         seen = promises.check(mesh, method)
-        if not options or mesh.n_cells < 1000:
+        if not options:
             two = smooth(mesh, replace(method, threads=2))
             assert two.points.tobytes() == seen.result.points.tobytes()
 

@@ -8,9 +8,9 @@ import lazy_loader
 
 __version__ = "0.1.0"
 
-__getattr__, _names, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, _, __all__ = lazy_loader.attach_stub(__name__, __file__)
 __all__ += ["__version__"]
 
 
 def __dir__() -> list[str]:
-    return sorted({*_names(), "__version__"})
+    return __all__.copy()

@@ -16,7 +16,7 @@ SWEEPING = {name: m for name, m in methods().items() if issubclass(m, SweepingMe
 def test_by_aspect_ratio_has_nothing_to_do_with_quads_alone():
     message = (
         "method 'aspect-ratio' is for triangles and there is none; "
-        "split_quads=True cuts the quads in two"
+        "split_quads='shorter' cuts the quads in two"
     )
     with pytest.raises(ValueError, match=f"^{message}$"):
         smooth(grid(3, 3), "aspect-ratio")

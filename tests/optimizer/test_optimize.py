@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import promises
 from meshes import KINDS, grid, place, random_mesh, tangle
 from qsmooth import Optimize, Stop, limits, quality, read_mesh, smooth
-from qsmooth.examples import bump, jittered, structured, tangled
+from qsmooth.examples import bump, jittered, random_triangles, structured, tangled
 from qsmooth.optimizer.progress import ROUND
 from qsmooth.outcome import Aim
 
@@ -203,6 +203,25 @@ def test_the_worst_cells_cost_the_mean_what_they_may(shared_meshes):
         # The mean's own optimum is not told: the stage before the worst cells stops near it.
         least = (1.0 - loss) * mean_only.after.mean["shape"] - 2e-3
         assert result.after.mean["shape"] >= least
+
+
+@pytest.mark.parametrize("loss", [0.02, 0.1, 0.5])
+@pytest.mark.parametrize("seed", range(3))
+def test_where_the_mean_is_at_its_best_worst_cells_cost_some_of_it(seed, loss):
+    best = smooth(random_triangles(200, seed=seed), "optimize", worst=False).mesh
+    # The check computes that the trade was one: what it cost, and what it gained.
+    result = promises.check(best, Optimize(mean_loss=loss)).result
+    assert result.after.mean["shape"] < result.before.mean["shape"]
+    assert len(result.outcome.trades) == 1
+    assert "the worst cells went first, as not all figures could be had" in result.reason
+    kept = promises.check(best, Optimize(mean_loss=0.0)).result
+    assert kept.outcome.trades == ()
+    assert kept.after.mean["shape"] >= kept.before.mean["shape"]
+    # What was not taken is told: it was better than what there is.
+    assert (kept.outcome.forbidden is not None) == kept.outcome.unchanged
+    if kept.outcome.forbidden is not None:
+        assert kept.outcome.forbidden.scaled_jacobian > kept.before.worst["scaled_jacobian"]
+        assert "that mean_loss=0 forbids" in kept.reason
 
 
 @pytest.mark.nojit
