@@ -19,8 +19,9 @@ import numpy.typing as npt
 import qsmooth
 from qsmooth import Mesh, examples
 from qsmooth.kernels.aspect_ratio import aspect_ratio_sweep, star_edge_ratio
+from qsmooth.kernels.guards import centre_of
 from qsmooth.kernels.quad import guarded_commit
-from qsmooth.kernels.stars import Moves, Stars, centre_of
+from qsmooth.kernels.stars import Moves, Stars
 from qsmooth.smoothing import GOOD_SCALED_JACOBIAN, RATIO_POWER
 
 SIZES = (12, 40, 1000)

@@ -11,13 +11,14 @@ from qsmooth.kernels.guards import (
     HALVINGS,
     NO_FENCE,
     allowed_step,
+    centre_of,
     clearance,
     guard_lines,
     keeps_clearance,
     store_move,
     tolerated_loss,
 )
-from qsmooth.kernels.stars import CHUNK, NO_VERTEX, Centre, Moves, Stars, Step, centre_of
+from qsmooth.kernels.stars import CHUNK, NO_VERTEX, Centre, Moves, Stars, Step
 
 
 @helper()

@@ -6,6 +6,8 @@ sweeps slower by 20 % (star) to 90 % (aspect ratio). Tuples of numbers cost noth
 
 What a kernel writes is unpacked by name, ``lengths = moves.lengths``: Numba's parallel form does
 not see that ``lengths, shares = moves`` are the caller's arrays, and leaves out writing to them.
+
+Nothing here loads Numba: a `Topology` holds `Stars`.
 """
 
 from typing import NamedTuple
@@ -13,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 
 from qsmooth._types import FloatArray, IndexArray, TableArray
-from qsmooth.kernels._jit import inlined_helper
 
 # Stands for the missing opposite vertex where a row of `Stars.corners` is a triangle.
 NO_VERTEX = np.uint32(0xFFFFFFFF)
@@ -88,9 +89,3 @@ class Step(NamedTuple):
     dx: float
     dy: float
     shortest: float
-
-
-@inlined_helper()
-def centre_of(vertices: TableArray, offsets: IndexArray, i: int) -> Centre:
-    """Look up the vertex at position i of `Stars.vertices`."""
-    return Centre(i, vertices[i], offsets[i], offsets[i + 1])
