@@ -11,7 +11,6 @@ import reference
 from meshes import KINDS, grid, random_mesh
 from qsmooth import Mesh
 from qsmooth.kernels import guards
-from qsmooth.kernels.centres import centre_of
 from qsmooth.kernels.quad import guarded_commit
 from qsmooth.kernels.stars import Moves
 
@@ -64,7 +63,7 @@ def test_lines_and_clearance_are_those_of_the_reference(kind):
     points, cells = reference.as_complex(mesh.xy), reference.as_lists(mesh)
     lines = np.empty((3 * schedule.largest, 3))
     for i, v in enumerate(schedule.vertices.tolist()):
-        centre = centre_of(schedule.vertices, schedule.offsets, i)
+        centre = guards.centre_of(schedule.vertices, schedule.offsets, i)
         n, longest, shortest, largest = guards.guard_lines(mesh.xy, schedule.corners, centre, lines)
         expected = reference.guard_lines(points, v, cells)
         assert n == len(expected)
@@ -83,7 +82,7 @@ def test_a_line_of_no_length_is_left_out():
     mesh = Mesh(points, cells)
     schedule = mesh.topology.schedule(True)
     lines = np.empty((12, 3))
-    centre = centre_of(schedule.vertices, schedule.offsets, 0)
+    centre = guards.centre_of(schedule.vertices, schedule.offsets, 0)
     n, *_ = guards.guard_lines(mesh.xy, schedule.corners, centre, lines)
     assert (
         n

@@ -7,11 +7,11 @@ from numba import prange
 
 from qsmooth._types import FloatArray, TableArray
 from qsmooth.kernels._jit import helper, inlined_helper, parallel_kernel
-from qsmooth.kernels.centres import centre_of
 from qsmooth.kernels.guards import (
     HALVINGS,
     NO_FENCE,
     allowed_step,
+    centre_of,
     clearance,
     guard_lines,
     keeps_clearance,

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from qsmooth._types import FloatArray, TableArray
+from qsmooth._types import FloatArray, IndexArray, TableArray
 from qsmooth.kernels._jit import helper, inlined_helper, strict_helper
 from qsmooth.kernels.geometry import (
     certainly_left,
@@ -45,6 +45,12 @@ class Fence(NamedTuple):
 
 # For a step that is known to keep the clearance, or need not.
 NO_FENCE = Fence(0, 0.0)
+
+
+@inlined_helper()
+def centre_of(vertices: TableArray, offsets: IndexArray, i: int) -> Centre:
+    """Look up the vertex at position i of `Stars.vertices`."""
+    return Centre(i, vertices[i], offsets[i], offsets[i + 1])
 
 
 @helper()

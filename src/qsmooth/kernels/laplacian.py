@@ -7,9 +7,8 @@ from numba import prange
 
 from qsmooth._types import FloatArray, IndexArray
 from qsmooth.kernels._jit import inlined_helper, parallel_kernel
-from qsmooth.kernels.centres import centre_of
 from qsmooth.kernels.geometry import distance, share
-from qsmooth.kernels.guards import NO_FENCE, guarded_move
+from qsmooth.kernels.guards import NO_FENCE, centre_of, guarded_move
 from qsmooth.kernels.stars import CHUNK, Moves, Rings, Stars, Step
 
 

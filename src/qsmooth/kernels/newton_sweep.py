@@ -195,8 +195,8 @@ def _try_corner(
     """Add a corner's energy, and keep the least margin by which its area is certified positive."""
     det = left - right
     inv = 1.0 / det
-    badness = 2.0 * math.sqrt(uu * ww) * inv
-    s[TRIAL + i] += terms.mean_weight * n * inv + _power(badness * terms.scale, terms.squarings)
+    steepness = math.sqrt(uu * ww) * inv * (2.0 * terms.scale)
+    s[TRIAL + i] += terms.mean_weight * n * inv + _power(steepness, terms.squarings)
     margin = det - (ORIENTATION_BOUND * (abs(left) + abs(right)) + UNDERFLOW_BOUND)
     s[MARGIN + i] = margin if margin < s[MARGIN + i] else s[MARGIN + i]
 
@@ -236,10 +236,10 @@ def _try_triangle(star: FloatArray, s: FloatArray, k: int, n: int, terms: _Terms
         _try_corner(ux * wy, uy * wx, shape, va.value, vc.value, wall, s, i)
         inv = 1.0 / (ux * wy - uy * wx)
         s[TRIAL + i] += terms.mean_weight * shape * inv
-        at_a = 2.0 * math.sqrt(ac.value * va.value) * inv
-        at_c = 2.0 * math.sqrt(ac.value * vc.value) * inv
-        s[TRIAL + i] += _power(at_a * wall.scale, wall.squarings)
-        s[TRIAL + i] += _power(at_c * wall.scale, wall.squarings)
+        at_a = math.sqrt(ac.value * va.value) * inv * (2.0 * wall.scale)
+        at_c = math.sqrt(ac.value * vc.value) * inv * (2.0 * wall.scale)
+        s[TRIAL + i] += _power(at_a, wall.squarings)
+        s[TRIAL + i] += _power(at_c, wall.squarings)
 
 
 @helper()

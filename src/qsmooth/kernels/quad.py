@@ -5,8 +5,14 @@ from numba import prange
 
 from qsmooth._types import FloatArray
 from qsmooth.kernels._jit import parallel_kernel
-from qsmooth.kernels.centres import centre_of
-from qsmooth.kernels.guards import Fence, clearance, guard_lines, guarded_move, tolerated_loss
+from qsmooth.kernels.guards import (
+    Fence,
+    centre_of,
+    clearance,
+    guard_lines,
+    guarded_move,
+    tolerated_loss,
+)
 from qsmooth.kernels.proposals import mean_proposal
 from qsmooth.kernels.stars import CHUNK, Moves, Stars, Step
 

@@ -5,8 +5,7 @@ from numba import prange
 
 from qsmooth._types import FloatArray
 from qsmooth.kernels._jit import parallel_kernel
-from qsmooth.kernels.centres import centre_of
-from qsmooth.kernels.guards import NO_FENCE, guarded_move
+from qsmooth.kernels.guards import NO_FENCE, centre_of, guarded_move
 from qsmooth.kernels.proposals import mean_proposal
 from qsmooth.kernels.stars import CHUNK, Moves, Stars
 
