@@ -232,6 +232,8 @@ def shape(
             n, det = ideal_corner_shape(last - first == 3, ux, uy, wx, wy)
             ratio = 0.0 if n == 0.0 else det / n
             worst = np.minimum(worst, ratio)
+            if last - first == 3:  # it is the same at each corner
+                break
             d = a
         out[c] = np.maximum(worst, 0.0)
 
