@@ -16,7 +16,8 @@ from qsmooth.kernels.stars import NO_VERTEX, Stars
 # Vertices in a block: enough to hide latencies, few enough that a large star stays in cache.
 LANES = 64
 # Columns of `Blocks.table`.
-FIRST, SIZE, N_QUADS, N_TRIANGLES, STAR = range(5)
+FIRST, SIZE, N_QUADS, N_TRIANGLES, STAR, ROWS = range(6)
+N_COLUMNS = 6
 
 
 class Blocks(NamedTuple):
@@ -26,13 +27,16 @@ class Blocks(NamedTuple):
     ----------
     colour_blocks : (n_colours + 1,)
         CSR map from a colour to its blocks.
-    table : (n_blocks, 5)
-        First vertex, vertices, quads a star, triangles a star, start in `stars`.
+    table : (n_blocks, 6)
+        First vertex, vertices, quads a star, triangles a star, start in `stars`, start in `cells`.
     vertices : (n_movable,)
         The vertices in the order of the blocks.
     stars : (n_entries,)
         For each block one row of its size for each corner: a, b, c of the first quad, ..., then a,
         c of the first triangle, ...
+    cells : (n_rows,)
+        For each block one row of its size for each cell: the first quad, ..., the first triangle,
+        ...
     largest
         Cells in the largest star.
     """
@@ -41,6 +45,7 @@ class Blocks(NamedTuple):
     table: BlockArray
     vertices: TableArray
     stars: TableArray
+    cells: TableArray
     largest: int
 
 
@@ -52,13 +57,15 @@ class Block(NamedTuple):
     n_quads: int
     n_triangles: int
     start: int
+    rows: int
 
 
 @inlined_helper()
 def block_at(table: BlockArray, b: int) -> Block:
     """Look up block b."""
     return Block(
-        table[b, FIRST], table[b, SIZE], table[b, N_QUADS], table[b, N_TRIANGLES], table[b, STAR]
+        table[b, FIRST], table[b, SIZE], table[b, N_QUADS], table[b, N_TRIANGLES],
+        table[b, STAR], table[b, ROWS],
     )
 
 
@@ -99,11 +106,12 @@ def build_blocks(stars: Stars) -> Blocks:
                 size = 0
             size += 1
         n_blocks += 1 if size else 0
-    table = np.empty((n_blocks, 5), np.uint64)
+    table = np.empty((n_blocks, N_COLUMNS), np.uint64)
     colour_blocks = np.zeros(n_colours + 1, np.int64)
     vertices = np.empty(n, np.uint32)
     entries = np.empty(n_entries, np.uint32)
-    b, entry = 0, 0
+    cells = np.empty(stars.cells.size, np.uint32)
+    b, entry, first_row = 0, 0, 0
     for colour in range(n_colours):
         i, stop = colour_offsets[colour], colour_offsets[colour + 1]
         while i < stop:
@@ -113,22 +121,30 @@ def build_blocks(stars: Stars) -> Blocks:
             quads, triangles = kind[rows[i]] >> 32, kind[rows[i]] & 0xFFFFFFFF
             table[b, FIRST], table[b, SIZE] = i, size
             table[b, N_QUADS], table[b, N_TRIANGLES], table[b, STAR] = quads, triangles, entry
+            table[b, ROWS] = first_row
             for lane in range(size):
                 source = rows[i + lane]
                 vertices[i + lane] = stars.vertices[source]
                 quad_at = entry + lane
                 triangle_at = entry + 3 * quads * size + lane
+                quad_row = first_row + lane
+                triangle_row = first_row + quads * size + lane
                 for row in range(offsets[source], offsets[source + 1]):
                     if corners[row, 1] == NO_VERTEX:
                         entries[triangle_at] = corners[row, 0]
                         entries[triangle_at + size] = corners[row, 2]
                         triangle_at += 2 * size
+                        cells[triangle_row] = stars.cells[row]
+                        triangle_row += size
                     else:
                         for k in range(3):
                             entries[quad_at + k * size] = corners[row, k]
                         quad_at += 3 * size
+                        cells[quad_row] = stars.cells[row]
+                        quad_row += size
             entry += (3 * quads + 2 * triangles) * size
+            first_row += (quads + triangles) * size
             i += size
             b += 1
         colour_blocks[colour + 1] = b
-    return Blocks(colour_blocks, table, vertices, entries, stars.largest)
+    return Blocks(colour_blocks, table, vertices, entries, cells, stars.largest)

@@ -45,7 +45,10 @@ from qsmooth.kernels.lanes import (
     HXX,
     HXY,
     HYY,
+    LEAST_COSINE,
+    LEAST_SINE,
     MARGIN,
+    MOST_COSINE,
     N_ROWS,
     PX,
     PY,
@@ -113,20 +116,34 @@ def _power(r: float, squarings: int) -> float:
 
 
 @lane_helper()
+def _shape_wall(f: float, slim: float) -> tuple[float, float, float]:
+    """Raise f · slim to the power of 16; also its derivatives by f."""
+    r = f * slim
+    r2 = r * r
+    r4 = r2 * r2
+    r8 = r4 * r4
+    r14 = r8 * r4 * r2
+    return r14 * r2, 16.0 * slim * (r14 * r), 240.0 * slim * slim * r14
+
+
+@lane_helper()
 def _add_corner(
     n: Quadratic,
     det: Linear,
     uu: Quadratic,
     ww: Quadratic,
+    slim: float,
     terms: _Terms,
     s: FloatArray,
     i: int,
 ) -> None:
     """Add a corner's energy and its derivatives by the vertex that moves.
 
-    Given are numerator and determinant of its shape energy, and ½ |u|² and ½ |w|² of its edges.
+    Given are numerator and determinant of its shape energy, and ½ |u|² and ½ |w|² of its edges;
+    and one over the shape energy at which the wall on it is 1 high.
     """
     inv, f, fx, fy = quotient(n, det)
+    shape_high, shape_slope, shape_second = _shape_wall(f, slim)
     # |u| |w| / det lies under (|u|² t + |w|² / t) / (2 det) for every t > 0, and touches it at the
     # t = |w| / |u| taken here. That bound is convex: what lowers it lowers the energy. It all takes
     # two divisions a corner; with five a sweep was a fifth slower.
@@ -139,41 +156,47 @@ def _add_corner(
     high = _power(g * terms.scale, terms.squarings)
     slope = terms.power * high * inv_g
     second = (terms.power - 1.0) * slope * inv_g
-    s[ENERGY + i] += terms.mean_weight * f + high
-    s[GX + i] += terms.mean_weight * fx + slope * gx
-    s[GY + i] += terms.mean_weight * fy + slope * gy
+    weight = terms.mean_weight + shape_slope
+    s[ENERGY + i] += terms.mean_weight * f + high + shape_high
+    s[GX + i] += weight * fx + slope * gx
+    s[GY + i] += weight * fy + slope * gy
     # Both terms are quotients over det, so that their Hessians add up before the division.
-    first, slope = terms.mean_weight * inv, slope * inv
+    first, slope = weight * inv, slope * inv
     xx, xy, yy = hessian(
         first * n.second + slope * (uu.second * t + ww.second * inv_t),
         first * fx + slope * gx,
         first * fy + slope * gy,
         det,
     )
-    s[HXX + i] += xx + second * gx * gx
-    s[HXY + i] += second * gx * gy + xy
-    s[HYY + i] += yy + second * gy * gy
+    s[HXX + i] += xx + second * gx * gx + shape_second * fx * fx
+    s[HXY + i] += second * gx * gy + xy + shape_second * fx * fy
+    s[HYY + i] += yy + second * gy * gy + shape_second * fy * fy
 
 
 @helper()
-def _add_quad(star: FloatArray, s: FloatArray, k: int, n: int, terms: _Terms) -> None:
+def _add_quad(
+    star: FloatArray, s: FloatArray, k: int, n: int, slims: FloatArray, row: int, terms: _Terms
+) -> None:
     for i in range(n):
+        slim = slims[row + i]
         px, py = s[X + i], s[Y + i]
         ax, ay = star[k + i] - px, star[k + ROW + i] - py
         bx, by = star[k + ROW2 + i] - px, star[k + ROW3 + i] - py
         cx, cy = star[k + ROW4 + i] - px, star[k + ROW5 + i] - py
         va, vc = half_square(ax, ay), half_square(cx, cy)
-        _add_corner(square_numerator(va, vc), determinant(ax, ay, cx, cy), va, vc, terms, s, i)
+        _add_corner(square_numerator(va, vc), determinant(ax, ay, cx, cy), va, vc, slim, terms, s, i)
         ex, ey = bx - ax, by - ay
         ab, det = fixed_half_square(ex, ey), determinant_to_previous(ex, ey, -ax, -ay)
-        _add_corner(square_numerator(ab, va), det, ab, va, terms, s, i)
+        _add_corner(square_numerator(ab, va), det, ab, va, slim, terms, s, i)
         ex, ey = bx - cx, by - cy
         cb, det = fixed_half_square(ex, ey), determinant_to_next(-cx, -cy, ex, ey)
-        _add_corner(square_numerator(vc, cb), det, vc, cb, terms, s, i)
+        _add_corner(square_numerator(vc, cb), det, vc, cb, slim, terms, s, i)
 
 
 @helper()
-def _add_triangle(star: FloatArray, s: FloatArray, k: int, n: int, terms: _Terms) -> None:
+def _add_triangle(
+    star: FloatArray, s: FloatArray, k: int, n: int, slims: FloatArray, row: int, terms: _Terms
+) -> None:
     wall = _for_triangles(terms)
     for i in range(n):
         px, py = s[X + i], s[Y + i]
@@ -183,29 +206,50 @@ def _add_triangle(star: FloatArray, s: FloatArray, k: int, n: int, terms: _Terms
         # One determinant and one shape energy for the triangle, and a badness at each corner.
         det, shape = determinant(ax, ay, cx, cy), equilateral_numerator(va, vc, ac)
         add_energy(shape, det, terms.mean_weight, s, i)
-        _add_corner(shape, det, va, vc, wall, s, i)
-        _add_corner(shape, det, ac, va, wall, s, i)
-        _add_corner(shape, det, ac, vc, wall, s, i)
+        _add_corner(shape, det, va, vc, slims[row + i], wall, s, i)
+        _add_corner(shape, det, ac, va, 0.0, wall, s, i)
+        _add_corner(shape, det, ac, vc, 0.0, wall, s, i)
+
+
+@lane_helper()
+def _keep(margin: float, s: FloatArray, i: int) -> None:
+    s[MARGIN + i] = margin if margin < s[MARGIN + i] else s[MARGIN + i]
+
+
+@lane_helper()
+def _hold_corner(
+    det: float, dot: float, lengths: float, best_sine: float, s: FloatArray, i: int
+) -> None:
+    """Keep the least margin by which a corner is no worse than what is held; see `newton_sweep`."""
+    _keep(s[MOST_COSINE + i] * lengths - dot, s, i)
+    _keep(dot - s[LEAST_COSINE + i] * lengths, s, i)
+    _keep(det - s[LEAST_SINE + i] * best_sine * lengths, s, i)
 
 
 @lane_helper()
 def _try_corner(
-    left: float, right: float, n: float, uu: float, ww: float, terms: _Terms, s: FloatArray, i: int
-) -> None:
+    left: float, right: float, dot: float, n: float, uu: float, ww: float, slim: float,
+    best_sine: float, terms: _Terms, s: FloatArray, i: int,
+) -> None:  # fmt: skip
     """Add a corner's energy, and keep the least margin by which its area is certified positive."""
     det = left - right
     inv = 1.0 / det
-    steepness = math.sqrt(uu * ww) * inv * (2.0 * terms.scale)
-    s[TRIAL + i] += terms.mean_weight * n * inv + _power(steepness, terms.squarings)
-    margin = det - (ORIENTATION_BOUND * (abs(left) + abs(right)) + UNDERFLOW_BOUND)
-    s[MARGIN + i] = margin if margin < s[MARGIN + i] else s[MARGIN + i]
+    lengths = 2.0 * math.sqrt(uu * ww)
+    f = n * inv
+    s[TRIAL + i] += terms.mean_weight * f + _power(lengths * inv * terms.scale, terms.squarings)
+    s[TRIAL + i] += _power(f * slim, 4)
+    _keep(det - (ORIENTATION_BOUND * (abs(left) + abs(right)) + UNDERFLOW_BOUND), s, i)
+    _hold_corner(det, dot, lengths, best_sine, s, i)
 
 
 @helper()
-def _try_quad(star: FloatArray, s: FloatArray, k: int, n: int, terms: _Terms) -> None:
+def _try_quad(
+    star: FloatArray, s: FloatArray, k: int, n: int, slims: FloatArray, row: int, terms: _Terms
+) -> None:
     # All differences are of stored coordinates, and each determinant is taken about one of its
     # points, as the error bound asks.
     for i in range(n):
+        slim = slims[row + i]
         px, py = s[PX + i], s[PY + i]
         ax, ay, bx, by = star[k + i], star[k + ROW + i], star[k + ROW2 + i], star[k + ROW3 + i]
         cx, cy = star[k + ROW4 + i], star[k + ROW5 + i]
@@ -213,33 +257,48 @@ def _try_quad(star: FloatArray, s: FloatArray, k: int, n: int, terms: _Terms) ->
         wx, wy = cx - px, cy - py
         va, vc = half_square(ux, uy), half_square(wx, wy)
         shape = square_numerator(va, vc).value
-        _try_corner(ux * wy, uy * wx, shape, va.value, vc.value, terms, s, i)
+        _try_corner(
+            ux * wy, uy * wx, ux * wx + uy * wy, shape, va.value, vc.value, slim, 1.0, terms, s, i
+        )
         ex, ey = bx - ax, by - ay
         ab = fixed_half_square(ex, ey)
         shape = square_numerator(ab, va).value
-        _try_corner(ey * ux, ex * uy, shape, ab.value, va.value, terms, s, i)
+        _try_corner(
+            ey * ux, ex * uy, -(ex * ux + ey * uy), shape, ab.value, va.value, slim, 1.0, terms, s, i
+        )
         ex, ey = bx - cx, by - cy
         cb = fixed_half_square(ex, ey)
         shape = square_numerator(cb, vc).value
-        _try_corner(ex * wy, ey * wx, shape, cb.value, vc.value, terms, s, i)
+        _try_corner(
+            ex * wy, ey * wx, -(ex * wx + ey * wy), shape, cb.value, vc.value, slim, 1.0, terms, s, i
+        )
 
 
 @helper()
-def _try_triangle(star: FloatArray, s: FloatArray, k: int, n: int, terms: _Terms) -> None:
+def _try_triangle(
+    star: FloatArray, s: FloatArray, k: int, n: int, slims: FloatArray, row: int, terms: _Terms
+) -> None:
     wall = _for_triangles(terms)
     for i in range(n):
         ax, ay, cx, cy = star[k + i], star[k + ROW + i], star[k + ROW2 + i], star[k + ROW3 + i]
         ux, uy = ax - s[PX + i], ay - s[PY + i]
         wx, wy = cx - s[PX + i], cy - s[PY + i]
-        va, vc, ac = half_square(ux, uy), half_square(wx, wy), fixed_half_square(cx - ax, cy - ay)
+        ex, ey = cx - ax, cy - ay
+        va, vc, ac = half_square(ux, uy), half_square(wx, wy), fixed_half_square(ex, ey)
         shape = equilateral_numerator(va, vc, ac).value
-        _try_corner(ux * wy, uy * wx, shape, va.value, vc.value, wall, s, i)
-        inv = 1.0 / (ux * wy - uy * wx)
+        left, right = ux * wy, uy * wx
+        det = left - right
+        inv = 1.0 / det
+        _try_corner(
+            left, right, ux * wx + uy * wy, shape, va.value, vc.value, slims[row + i], SINE_60,
+            wall, s, i,
+        )  # fmt: skip
         s[TRIAL + i] += terms.mean_weight * shape * inv
-        at_a = math.sqrt(ac.value * va.value) * inv * (2.0 * wall.scale)
-        at_c = math.sqrt(ac.value * vc.value) * inv * (2.0 * wall.scale)
-        s[TRIAL + i] += _power(at_a, wall.squarings)
-        s[TRIAL + i] += _power(at_c, wall.squarings)
+        at_a, at_c = 2.0 * math.sqrt(ac.value * va.value), 2.0 * math.sqrt(ac.value * vc.value)
+        s[TRIAL + i] += _power(at_a * inv * wall.scale, wall.squarings)
+        s[TRIAL + i] += _power(at_c * inv * wall.scale, wall.squarings)
+        _hold_corner(det, -(ex * ux + ey * uy), at_a, SINE_60, s, i)
+        _hold_corner(det, ex * wx + ey * wy, at_c, SINE_60, s, i)
 
 
 @helper()
@@ -250,17 +309,27 @@ def _move_block(
     block: Block,
     relaxation: float,
     terms: _Terms,
+    held: FloatArray,
+    slims: FloatArray,
     star_xy: FloatArray,
     s: FloatArray,
     lengths: FloatArray,
 ) -> None:
     gather_block(xy, vertices, stars, block, star_xy, s, lengths)
     n, quads, triangles = block.size, block.n_quads, block.n_triangles
+    for i in range(n):
+        v = vertices[block.first + i]
+        s[MOST_COSINE + i], s[LEAST_COSINE + i] = held[v, 0], held[v, 1]
+        s[LEAST_SINE + i] = held[v, 2]
     triangle_rows = quads * ROW6
+    row = block.rows
+    triangle_row = row + quads * n
     for k in range(quads):
-        _add_quad(star_xy, s, k * ROW6, n, terms)
+        _add_quad(star_xy, s, k * ROW6, n, slims, row + k * n, terms)
     for k in range(triangles):
-        _add_triangle(star_xy, s, triangle_rows + k * ROW4, n, terms)
+        _add_triangle(
+            star_xy, s, triangle_rows + k * ROW4, n, slims, triangle_row + k * n, terms
+        )
     left = newton_step(s, n)
     fraction = relaxation
     for attempt in range(len(FRACTIONS) + 1):
@@ -268,9 +337,11 @@ def _move_block(
             break
         start_trial(s, n, fraction)
         for k in range(quads):
-            _try_quad(star_xy, s, k * ROW6, n, terms)
+            _try_quad(star_xy, s, k * ROW6, n, slims, row + k * n, terms)
         for k in range(triangles):
-            _try_triangle(star_xy, s, triangle_rows + k * ROW4, n, terms)
+            _try_triangle(
+                star_xy, s, triangle_rows + k * ROW4, n, slims, triangle_row + k * n, terms
+            )
         left = store_better(xy, vertices, block, s, lengths)
         fraction = FRACTIONS[min(attempt, len(FRACTIONS) - 1)]
 
@@ -282,6 +353,8 @@ def newton_sweep(
     colours: tuple[int, int],
     relaxation: float,
     wall: Wall,
+    held: FloatArray,
+    slims: FloatArray,
     lengths: FloatArray,
 ) -> None:
     """Move each vertex once, downhill on its star's energy, in place.
@@ -298,12 +371,19 @@ def newton_sweep(
         Multiple of the Newton step that is tried first; then 1, 0.4 and 0.1.
     wall
         The weights of the energy.
+    held : (n_vertices, 3)
+        What no corner that the vertex changes may be worse than: the largest cosine, the smallest
+        cosine, the smallest sine (in a triangle over that of 60 degrees). A move that is, is no
+        move, as one that inverts a cell.
+    slims : (n_rows,)
+        For each of `Blocks.cells` one over the shape energy at which a wall on the cell's shape is
+        1 high; 0 for none.
     lengths : (n_movable,)
         Overwritten for the vertices of these colours, in block order. Length of each move.
     """
     # Not in a helper: a parallel loop has to see the class of a tuple that it takes.
     terms = _Terms(wall.mean_weight, 1.0 / wall.threshold, wall.squarings, 2.0**wall.squarings)
-    colour_blocks, table, vertices, stars, largest = blocks
+    colour_blocks, table, vertices, stars, _, largest = blocks
     for colour in range(colours[0], colours[1]):
         for b in prange(colour_blocks[colour], colour_blocks[colour + 1]):
             scratch, star_xy = np.empty(N_ROWS * LANES), np.empty(6 * largest * LANES)
@@ -314,6 +394,8 @@ def newton_sweep(
                 block_at(table, b),
                 relaxation,
                 terms,
+                held,
+                slims,
                 star_xy,
                 scratch,
                 lengths,
@@ -360,3 +442,40 @@ def cell_energy(
             d = a
         badness[c] = worst
         shape[c] = total / (last - first)
+
+
+@parallel_kernel()
+def corner_extremes(
+    xy: FloatArray,
+    cell_offsets: IndexArray,
+    cell_vertices: IndexArray,
+    movable: BoolArray,
+    out: FloatArray,
+) -> None:
+    """Measure the extremes of each cell's corners, by the formulas of `newton_sweep`.
+
+    Parameters
+    ----------
+    movable : (n_vertices,)
+        Corners without a movable vertex can't change and do not count.
+    out : (n_cells, 3)
+        Overwritten: the largest cosine, the smallest cosine, the smallest sine (in a triangle over
+        that of 60 degrees); -1, 1, 1 where no corner counts.
+    """
+    for c in prange(out.shape[0]):
+        first, last = cell_offsets[c], cell_offsets[c + 1]
+        best_sine = SINE_60 if last - first == 3 else 1.0
+        most, least, sine = -1.0, 1.0, 1.0
+        d = cell_vertices[last - 1]
+        for k in range(first, last):
+            a = cell_vertices[k]
+            b = cell_vertices[k + 1] if k + 1 < last else cell_vertices[first]
+            if movable[a] or movable[b] or movable[d]:
+                ux, uy = xy[b, 0] - xy[a, 0], xy[b, 1] - xy[a, 1]
+                wx, wy = xy[d, 0] - xy[a, 0], xy[d, 1] - xy[a, 1]
+                lengths = math.sqrt((ux * ux + uy * uy) * (wx * wx + wy * wy))
+                cosine = (ux * wx + uy * wy) / lengths
+                most, least = max(most, cosine), min(least, cosine)
+                sine = min(sine, (ux * wy - uy * wx) / (lengths * best_sine))
+            d = a
+        out[c, 0], out[c, 1], out[c, 2] = most, least, sine

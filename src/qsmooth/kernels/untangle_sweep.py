@@ -182,7 +182,7 @@ def untangle_sweep(
     xy, blocks, colours, relaxation, lengths
         As in `newton_sweep.newton_sweep`; the mesh need not be valid.
     """
-    colour_blocks, table, vertices, stars, largest = blocks
+    colour_blocks, table, vertices, stars, _, largest = blocks
     for colour in range(colours[0], colours[1]):
         for b in prange(colour_blocks[colour], colour_blocks[colour + 1]):
             scratch, star_xy = np.empty(N_ROWS * LANES), np.empty(6 * largest * LANES)

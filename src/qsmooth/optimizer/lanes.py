@@ -43,11 +43,24 @@ class Lanes:
         n_movable = self._blocks.vertices.size
         self._moves = Moves(np.zeros(n_movable), np.zeros(n_movable))
         self._shortest = np.empty(n_movable)
+        self.held = np.tile([2.0, -2.0, -2.0], (topology.n_vertices, 1))
+        self.slims = np.zeros(self._blocks.cells.size)
         self._badness, self._shape = np.empty(topology.n_cells), np.empty(topology.n_cells)
 
     def quality(self, xy: FloatArray) -> Quality:
         """Measure the mesh at these coordinates."""
         return Quality(self.topology, xy)
+
+    def hold(self, xy: FloatArray) -> None:
+        """From now on let no corner get worse than the worst one at these coordinates."""
+        from qsmooth.kernels.newton_sweep import corner_extremes
+
+        extremes = np.empty((self.topology.n_cells, 3))
+        corner_extremes(xy, *self.topology.cells, self.movable, extremes)
+        slack = 1e-11
+        self.held[:, 0] = extremes[:, 0].max() + slack
+        self.held[:, 1] = extremes[:, 1].min() - slack
+        self.held[:, 2] = extremes[:, 2].min() * (1.0 - slack)
 
     def newton(self, xy: FloatArray, wall: Wall, progress: Progress) -> None:
         """Sweep a round downhill on the mean shape and the wall."""
@@ -56,10 +69,18 @@ class Lanes:
         lengths = self._moves.lengths
         for _ in range(progress.next_round()):
             self._engine.run(
-                lambda colours: newton_sweep(xy, self._blocks, colours, RELAXATION, wall, lengths),
+                lambda colours: newton_sweep(
+                    xy, self._blocks, colours, RELAXATION, wall, self.held, self.slims, lengths
+                ),
                 self._n_colours,
             )
             progress.sweeps += 1
+
+    def wall_off(self, xy: FloatArray) -> None:
+        """Put a wall on each cell's shape, a little beyond what it is now."""
+        shape = self.quality(xy).shape
+        slims = np.minimum(shape / 1.2, 1.0 / 1.5)
+        self.slims[:] = slims[self._blocks.cells]
 
     def untangle(self, xy: FloatArray, sizes: FloatArray, epsilon: float) -> None:
         """Sweep once downhill on the regularised energy; sizes are squared lengths, (n,)."""

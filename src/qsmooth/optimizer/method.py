@@ -150,6 +150,8 @@ class Optimize(_Staged):
             with progress.stage(Aim.UNTANGLE):
                 untangle(lanes, xy, progress)
             best.restart(xy, mean_counts=False)
+        if best.given.n_invalid == 0:
+            lanes.hold(xy)
         with progress.stage(Aim.MEAN_SHAPE):
             improve_mean(lanes, xy, lanes.stars, best, progress, worst=self.worst)
         if self.worst and not best.reached_target():

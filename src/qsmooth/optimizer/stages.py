@@ -77,6 +77,7 @@ def mend_worst(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> 
     """
     from qsmooth.kernels.newton_sweep import Wall
 
+    lanes.wall_off(xy)
     weight = 1.0
     for squarings, share in WALLS:
         patience, updates = WALL_PATIENCE, best.updates
