@@ -6,6 +6,7 @@ AssertionError where a promise is broken.
 """
 
 import contextlib
+import functools
 import json
 from dataclasses import dataclass, replace
 from unittest import mock
@@ -13,9 +14,10 @@ from unittest import mock
 import numpy as np
 from hypothesis import strategies as st
 
+import qsmooth
 import reference
 from meshes import KINDS, place, random_mesh, random_meshes, tangle
-from qsmooth import Mesh, SmoothResult, Stop, quality, smooth
+from qsmooth import Mesh, SmoothResult, Stop, smooth
 from qsmooth.engine import Stepwise, Threads
 from qsmooth.methods.base import Method
 from qsmooth.methods.driver import SweepingMethod
@@ -141,6 +143,11 @@ def rough_meshes(size=5, kinds=("quads", "triangles", "mixed", "annulus", "L", "
 # ------------------------------------------------------------------------------- what is measured
 
 
+# A mesh never changes, and several checks look at the same ones.
+quality = functools.lru_cache(maxsize=8)(qsmooth.quality)
+
+
+@functools.lru_cache(maxsize=8)
 def corner_signs(mesh):
     """Exact sign of every corner; what rounding could decide is done in fractions."""
     offsets, vertices = mesh.cell_offsets, mesh.cell_vertices

@@ -64,7 +64,7 @@ def test_public_names_are_there_and_documented():
         value = getattr(qsmooth, name)
         assert name == "__version__" or value.__doc__, name
         assert name in dir(qsmooth)
-    with pytest.raises(AttributeError, match="qsmooth.* attribute '?smoothen"):
+    with pytest.raises(AttributeError, match=r"qsmooth.* attribute '?smoothen"):
         qsmooth.smoothen  # noqa: B018
 
 
