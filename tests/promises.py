@@ -311,9 +311,9 @@ def sweeps_are_counted(seen: Run):
     assert tuple(seen.records) == tuple(result.history), "the callback heard something else"
     assert all(stage.sweeps >= 0 and stage.steps >= 0 for stage in result.outcome.stages)
     assert bool(seen.records) == (result.sweeps > 0), "sweeps that no record tells of"
-    if seen.records:
-        gained = sum(stage.gain["n_invalid"] for stage in result.outcome.stages)
-        assert gained == seen.records[-1].n_invalid - result.before.n_invalid, "gains that are none"
+    gained = sum(stage.gain["n_invalid"] for stage in result.outcome.stages)
+    last = seen.records[-1].n_invalid if seen.records else result.before.n_invalid
+    assert gained == last - result.before.n_invalid, "gains that are none"
 
 
 def outcome_is_true(seen: Run):
@@ -346,7 +346,8 @@ def outcome_is_true(seen: Run):
 def used_up_its_share(seen: Run):
     """Whether the last of several groups of cells made all the sweeps that it was given."""
     groups = seen.method.stages() if isinstance(seen.method, SweepingMethod) else []
-    return len(groups) > 1 and seen.result.outcome.stages[-1].sweeps == groups[-1][1]
+    made = seen.result.outcome.stages
+    return len(groups) == len(made) > 1 and made[-1].sweeps == groups[-1][1]
 
 
 def stop_is_true(seen: Run):
