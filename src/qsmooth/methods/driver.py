@@ -233,7 +233,7 @@ class _Run:
                 aim=setting.aim,
                 sweeps=len(self.history) - first,
                 seconds=self.seconds - seconds,
-                gain=gain(past, self.history[-1]) if self.history else {},
+                gain=gain(past, self.history[-1] if self.history else self._start),
             )
         )
 
