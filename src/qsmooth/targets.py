@@ -57,6 +57,8 @@ LAYER_SCATTER = 0.5, 0.35
 LAYER_SHARE = 0.8, 0.95
 # The weight of a layer is passed on to regular quads beside it, so often, and times this each time.
 LAYER_REACH, LAYER_DECAY = 10, 0.95
+# A cell has the shape of a layer's to the full when it is half of the layer.
+LAYER_SHAPE = 0.0, 0.5
 # Half the windows of the fits along sheets, in links: for these figures, and for scatter.
 LAYER_WINDOW, SCATTER_WINDOW = 4, 6
 
@@ -66,8 +68,8 @@ NOISE = 0.05
 # Scatter is what a parabola over 2 · 3 + 1 links leaves, averaged in logarithms over 2 · 8 + 1: a
 # kink, as at a leading edge, is large in a few links, noise in all.
 NOISE_WINDOWS = 3, 8
-# Mean square that counts as none.
-LEAST_SQUARE = 1e-8
+# Mean square, and weight, that count as none.
+LEAST_SQUARE, LEAST_WEIGHT = 1e-8, 1e-3
 # Windows and degrees of the fits that take noise away: across the sheets, as the layers share
 # their vertices' noise with opposite signs; along; and what is left, across and along again.
 # The best of 27 for the heights of the first layers of five shaken meshes.
@@ -167,9 +169,7 @@ def initial(topology: Topology, xy: FloatArray) -> Targets:
         maps[cells[good]] = _unit_root(np.stack([yy, -xy_, xx], axis=1))
         area[cells[good]] = det if size == 4 else 0.5 * _ROOT3 * det
         weight[cells[good]] = 1.0
-    return Targets(
-        _ideal_corners(topology), area, weight, np.zeros(n, np.bool_), "initial", maps
-    )
+    return Targets(_ideal_corners(topology), area, weight, np.zeros(n, np.bool_), "initial", maps)
 
 
 def from_ratios(mesh: Mesh, ratios: npt.ArrayLike) -> Targets:
@@ -290,15 +290,16 @@ def candidates(topology: Topology, xy: FloatArray) -> tuple[Targets, Targets]:
     for cells in (sheets.first, sheets.second):
         is_layer[cells] = layer > 0.5
     found = []
+    share = _step(layer[:n_quads], LAYER_SHAPE)
     for other in (np.zeros(n_quads), ratios[:n_quads]):
-        both = layer[:n_quads] * log_ratio[:n_quads] + (1.0 - layer[:n_quads]) * other
+        both = share * log_ratio[:n_quads] + (1.0 - share) * other
         with_quads = corners.copy()
         with_quads[places] = _rectangle_corners(both)
         found.append(with_quads)
     sizes = np.where(weight > 0.0, np.exp(area), np.nan)
     is_plain = not weight.any() and np.array_equal(found[0], plain.corners)
     squares = Targets(found[0], sizes, weight, is_layer, "ideal" if is_plain else "squares")
-    if not (ratios[:n_quads] * (1.0 - layer[:n_quads])).any():
+    if not (ratios[:n_quads] * (1.0 - share)).any():
         return squares, squares
     return squares, squares._replace(corners=found[1], kind="ratios")
 
@@ -406,8 +407,8 @@ class Sheets:
         inside, quads = beside >= 0, beside >> 1
         for _ in range(LAYER_REACH if weight.any() else 0):
             near = np.where(inside, weight[quads], 0.0).max(axis=1)
-            weight = np.maximum(weight, share * near)
-        return weight
+            np.maximum(weight, share * near, out=weight)
+        return np.asarray(weight)
 
     def _sheet_means(self, values: FloatArray) -> FloatArray:
         """Mean of its whole sheet at each link."""
@@ -452,7 +453,7 @@ class Sheets:
         _, square = self.fit(values, NOISE_WINDOWS[0], 2)
         square = np.exp(self.fit(np.log(square + LEAST_SQUARE), NOISE_WINDOWS[1], 0)[0])
         weight = square**2 / (square**2 + NOISE**4)
-        if (square <= 2.0 * LEAST_SQUARE).all():
+        if (weight < LEAST_WEIGHT).all():
             return values
         first, second, third, fourth = NOISE_FITS
         across = self._other(self.fit(self._other(values), *first)[0])
@@ -464,7 +465,7 @@ class Sheets:
         return values + weight * (smooth - values)
 
     def learned_ratios(self) -> FloatArray:
-        """Log ratio of sides 0 and 2 over 1 and 3, averaged along the sheets, 0 where small: (n,)."""
+        """Log ratio of sides 0 and 2 over 1 and 3, averaged along the sheets, 0 if small: (n,)."""
         mean = self.fit(self.across, LEARNED_WINDOW, 0)[0].reshape(-1, 2)
         log = mean[:, 1] - mean[:, 0]
         return np.asarray(log * _step(np.abs(log), LEARNED_RATIO))
@@ -490,16 +491,15 @@ def _triangle_targets(
     u, w = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
     det = u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0]
     good = det > 0.0
-    safe = np.where(good, det, 1.0)
-    # The triangle's own metric at its first corner, as coefficients of f, and in the plane.
-    uu, uw, ww = _dots(u, u), _dots(u, w), _dots(w, w)
-    own = np.stack([ww, -uw, uu], axis=1) / safe[:, None]
-    logs = np.where(good[:, None], _log_from_equilateral(own), 0.0)
-    stretched = np.zeros((topology.n_cells, 2))
-    stretched[triangles] = _log_in_plane(u, w, safe, good)
-    mean = _over_rings(topology, stretched, TRIANGLE_RINGS)[triangles]
+    in_plane = np.zeros((topology.n_cells, 2))
+    in_plane[triangles] = _log_in_plane(u, w, np.where(good, det, 1.0)) * good[:, None]
+    mean = _over_rings(topology, in_plane, TRIANGLE_RINGS)[triangles]
     meant = _step(np.hypot(mean[:, 0], mean[:, 1]), TRIANGLE_STRETCH) * good
-    logs *= meant[:, None]
+    log_shape = np.zeros((triangles.size, 2))
+    rows = np.flatnonzero(meant)
+    u, w = u[rows], w[rows]
+    own = np.stack([_dots(w, w), -_dots(u, w), _dots(u, u)], axis=1) / det[rows, None]
+    log_shape[rows] = meant[rows, None] * _log_from_equilateral(own)
 
     graded, log_det = _grading(topology, xy)
     log_det, own_weight = log_det[triangles], np.maximum(graded[triangles], meant) * good
@@ -512,10 +512,12 @@ def _triangle_targets(
         rows = place[cells[pairs]]
         half = _half_rectangle(log_ratio[pairs], sheets.sides[pairs, side] - first[rows])
         share = layer[pairs]
-        logs[rows] += share[:, None] * (_log_from_equilateral(half) - logs[rows])
+        log_shape[rows] += share[:, None] * (_log_from_equilateral(half) - log_shape[rows])
         log_det[rows] += share * (log_area[pairs] - log_det[rows])
         own_weight[rows] = np.maximum(own_weight[rows], share)
-    corners[first[:, None] + np.arange(3)] = _corners_of_triangle(_from_log(logs))
+    rows = np.flatnonzero(log_shape.any(axis=1))
+    own = _corners_of_triangle(_from_log(log_shape[rows]))
+    corners[first[rows, None] + np.arange(3)] = own
     area[triangles], weight[triangles] = log_det, own_weight
 
 
@@ -546,9 +548,7 @@ def _over_rings(topology: Topology, values: FloatArray, rings: int) -> FloatArra
 
     old, new = values.copy(), np.empty_like(values)
     for _ in range(rings):
-        mean_with_neighbours(
-            topology.cell_offsets, topology.twins, topology.corner_cells, old, new
-        )
+        mean_with_neighbours(topology.cell_offsets, topology.twins, topology.corner_cells, old, new)
         old, new = new, old
     return old
 
@@ -631,10 +631,7 @@ def _corners_of_triangle(m: FloatArray) -> FloatArray:
 
 def _log_from_equilateral(m: FloatArray) -> FloatArray:
     """Logarithm of E^−½ M E^−½, E the equilateral triangle's: half its xx − yy, and its xy."""
-    root = _INVERSE_ROOT
-    a = np.stack([m[:, 0], m[:, 1], m[:, 1], m[:, 2]], axis=1).reshape(-1, 2, 2)
-    n = root @ a @ root
-    return _unit_log(n[:, 0, 0], n[:, 0, 1], n[:, 1, 1])
+    return _unit_log(*_between(_INVERSE_ROOT, m[:, 0], m[:, 1], m[:, 2]))
 
 
 def _from_log(log: FloatArray) -> FloatArray:
@@ -642,11 +639,20 @@ def _from_log(log: FloatArray) -> FloatArray:
     size = np.hypot(log[:, 0], log[:, 1])
     cosh = np.cosh(size)
     factor = np.where(size > 0.0, np.sinh(size) / np.where(size > 0.0, size, 1.0), 1.0)
-    n = np.empty((len(log), 2, 2))
-    n[:, 0, 0], n[:, 1, 1] = cosh + factor * log[:, 0], cosh - factor * log[:, 0]
-    n[:, 0, 1] = n[:, 1, 0] = factor * log[:, 1]
-    m = _ROOT @ n @ _ROOT
-    return np.stack([m[:, 0, 0], m[:, 0, 1], m[:, 1, 1]], axis=1)
+    half = factor * log[:, 0]
+    return np.stack(_between(_ROOT, cosh + half, factor * log[:, 1], cosh - half), axis=1)
+
+
+def _between(
+    r: tuple[float, float, float], xx: FloatArray, xy: FloatArray, yy: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Entries xx, xy, yy of R N R, R and N symmetric and given by theirs."""
+    a, b, c = r
+    return (
+        a * a * xx + 2.0 * a * b * xy + b * b * yy,
+        a * b * xx + (a * c + b * b) * xy + b * c * yy,
+        b * b * xx + 2.0 * b * c * xy + c * c * yy,
+    )
 
 
 def _unit_log(xx: FloatArray, xy: FloatArray, yy: FloatArray) -> FloatArray:
@@ -657,13 +663,12 @@ def _unit_log(xx: FloatArray, xy: FloatArray, yy: FloatArray) -> FloatArray:
     return np.stack([factor * half, factor * xy], axis=1)
 
 
-def _log_in_plane(u: FloatArray, w: FloatArray, det: FloatArray, good: BoolArray) -> FloatArray:
+def _log_in_plane(u: FloatArray, w: FloatArray, det: FloatArray) -> FloatArray:
     """Logarithm of the metric in which a triangle is equilateral, scaled to determinant one."""
     v = (2.0 * w - u) / _ROOT3
     xx, xy, yy = (_sums(u, v, i, j) for i, j in ((1, 1), (0, 1), (0, 0)))
     scale = 2.0 / _ROOT3 * det
-    logs = _unit_log(xx / scale, -xy / scale, yy / scale)
-    return np.where(good[:, None], logs, 0.0)
+    return _unit_log(xx / scale, -xy / scale, yy / scale)
 
 
 def _squared(u: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -725,10 +730,6 @@ def _checked_tensors(values: npt.ArrayLike, n: int, one: str, many: str) -> Floa
     return np.stack([m[:, 0, 0], 0.5 * (m[:, 0, 1] + m[:, 1, 0]), m[:, 1, 1]], axis=1)
 
 
-def _root(m: FloatArray) -> FloatArray:
-    xx, xy, yy = _unit_root(m[None])[0]
-    return np.array([[xx, xy], [xy, yy]])
-
-
-_ROOT = _root(EQUILATERAL)
-_INVERSE_ROOT = np.linalg.inv(_ROOT)
+# Entries xx, xy, yy of E^½ and E^−½, E being EQUILATERAL; the determinant is one.
+_ROOT = tuple(_unit_root(EQUILATERAL[None])[0].tolist())
+_INVERSE_ROOT = (_ROOT[2], -_ROOT[1], _ROOT[0])
