@@ -80,7 +80,7 @@ LEARNED_RATIO = math.log(2.0), math.log(4.0)
 LEARNED_WINDOW = 7
 
 # Averages of triangles' metrics, over so many rings, that are stretched as much mean it.
-TRIANGLE_STRETCH, TRIANGLE_RINGS = (math.log(3.0), math.log(6.0)), 4
+TRIANGLE_STRETCH, TRIANGLE_RINGS = (math.log(4.0), math.log(8.0)), 4
 # Log areas are averaged over so many rings; noise is what differs from that, averaged over some
 # more, and trend how far the averages vary in the whole mesh. Trend over noise: random triangles
 # .7, meshes meant to be uniform .5 to 1.2, graded ones 3 to 100, 3.2 and 5.7 after a shake.
@@ -401,8 +401,10 @@ class Sheets:
         regular = _step(sine, LAYER_SINE) * _step(scatter, LAYER_SCATTER)
         own *= regular * _step(self._sheet_means(regular), LAYER_SHARE)
         weight = np.minimum(own, self._stacked(own)).reshape(-1, 2).max(axis=1)
-        # What is regular on both of its sheets, beside a layer, is a part of it.
+        # A quad that is regular on both of its sheets, beside a layer, is a part of it. Triangles
+        # are not: two equilateral ones make a regular quad too, wherever they are.
         share = LAYER_DECAY * regular.reshape(-1, 2).min(axis=1)
+        share[self.n_quads :] = 0.0
         beside = self.neighbours.reshape(-1, 4)
         inside, quads = beside >= 0, beside >> 1
         for _ in range(LAYER_REACH if weight.any() else 0):
