@@ -81,6 +81,7 @@ LEARNED_WINDOW = 7
 
 # Averages of triangles' metrics, over so many rings, that are stretched as much mean it.
 TRIANGLE_STRETCH, TRIANGLE_RINGS = (math.log(4.0), math.log(8.0)), 4
+TRIANGLE_SCATTER = 0.6, 0.3
 # Log areas are averaged over so many rings; noise is what differs from that, averaged over some
 # more, and trend how far the averages vary in the whole mesh. Trend over noise: random triangles
 # .7, meshes meant to be uniform .5 to 1.2, graded ones 3 to 100, 3.2 and 5.7 after a shake.
@@ -493,10 +494,14 @@ def _triangle_targets(
     u, w = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
     det = u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0]
     good = det > 0.0
-    in_plane = np.zeros((topology.n_cells, 2))
-    in_plane[triangles] = _log_in_plane(u, w, np.where(good, det, 1.0)) * good[:, None]
+    in_plane = np.zeros((topology.n_cells, 3))
+    in_plane[triangles, :2] = _log_in_plane(u, w, np.where(good, det, 1.0)) * good[:, None]
+    in_plane[:, 2] = _dots(in_plane, in_plane)
     mean = _over_rings(topology, in_plane, TRIANGLE_RINGS)[triangles]
-    meant = _step(np.hypot(mean[:, 0], mean[:, 1]), TRIANGLE_STRETCH) * good
+    stretch = np.hypot(mean[:, 0], mean[:, 1])
+    scatter = np.sqrt(np.maximum(mean[:, 2] - stretch**2, 0.0))
+    meant = _step(stretch, TRIANGLE_STRETCH) * good
+    meant *= _step(scatter / np.maximum(stretch, TRIANGLE_STRETCH[0]), TRIANGLE_SCATTER)
     log_shape = np.zeros((triangles.size, 2))
     rows = np.flatnonzero(meant)
     u, w = u[rows], w[rows]
