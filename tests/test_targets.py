@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import meshes
-from qsmooth import Mesh, examples, quality
+from qsmooth import Mesh, examples, quality, read_mesh
 from qsmooth.kernels._jit import use_threads
 from qsmooth.targets import (
     EQUILATERAL,
@@ -68,8 +68,7 @@ def shaken(mesh, amount, seed=3):
     ends = mesh.xy[ring] - np.repeat(mesh.xy, np.diff(offsets), axis=0)
     shortest = np.minimum.reduceat(np.hypot(*ends.T), offsets[:-1])
     moves = np.random.default_rng(seed).uniform(-amount, amount, mesh.xy.shape)
-    moves *= shortest[:, None] * ~mesh.is_fixed[:, None]
-    return mesh.with_points(mesh.points + moves)
+    return mesh.with_xy(mesh.xy + moves * shortest[:, None], ~mesh.is_fixed)
 
 
 # -------------------------------------------------------------------------- what the caller asks
@@ -401,3 +400,56 @@ def test_every_quad_is_on_two_sheets():
     assert sorted(links.tolist()) == list(range(30))
     assert sorted(np.diff(offsets).tolist()) == [3] * 5 + [5] * 3
     assert not closed.any()
+
+
+# -------------------------------------------------------------------------------- real meshes
+
+# Share of the cells that are of a layer, from and to.
+LAYERED = {
+    "naca0012_113x33.su2": (0.9, 1.0),
+    "rae2822_mixed.su2": (0.17, 0.21),
+    "centrifugal_blade_mixed.su2": (0.53, 0.57),
+    "wall_channel_two_zones.su2": (0.6, 0.8),
+    "mesquite_hole_scheme.vtk": (1.0, 1.0),
+}
+UNLAYERED = [
+    "spiral_2k.off", "hughes_qt_cpe4.inp", "dealii_two_holes.msh", "mesquite_shest_grid32.vtk",
+    "mesquite_overture_mixed.vtk", "cantilever_crlf.su2", "tri_adapt.su2", "sfepy_tri932.mesh",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", LAYERED)
+def test_layers_of_real_meshes_are_found_and_nothing_hangs_on_their_last_digits(
+    shared_meshes, name
+):
+    mesh = read_mesh(shared_meshes / name)
+    targets = auto(mesh)
+    low, high = LAYERED[name]
+    assert low <= targets.is_layer.mean() <= high
+    own = np.log(initial(mesh.topology, mesh.xy).area)
+    left = np.exp(np.log(targets.area) - own)[targets.is_layer]
+    assert np.median(left) == pytest.approx(1.0, abs=0.005)
+    again = auto(shaken(mesh, 1e-7))
+    assert again.corners == pytest.approx(targets.corners, rel=1e-3, abs=1e-3)
+    assert again.size_weight == pytest.approx(targets.size_weight, abs=1e-3)
+    assert again.area == pytest.approx(targets.area, rel=1e-3, nan_ok=True)
+    # Shaken by more than it can bear, it has the same layers, and nearly the same sizes.
+    noisy = auto(shaken(mesh, 0.35))
+    assert low - 0.05 <= noisy.is_layer.mean() <= high + 0.05
+    both = noisy.is_layer & targets.is_layer & (mesh.topology.cell_sizes == 4)
+    areas = noisy.area[both] / targets.area[both]
+    assert np.median(areas) == pytest.approx(1.0, abs=0.02)
+    assert np.std(np.log(areas)) < 0.1
+
+
+@pytest.mark.parametrize("name", UNLAYERED)
+def test_meshes_without_layers_have_none(shared_meshes, name):
+    assert not auto(read_mesh(shared_meshes / name)).is_layer.any()
+
+
+def test_sizes_of_an_adapted_mesh_are_meant(shared_meshes):
+    mesh = read_mesh(shared_meshes / "tri_adapt.su2")
+    targets = auto(mesh)
+    assert targets.size_weight.mean() > 0.99
+    own = initial(mesh.topology, mesh.xy).area
+    assert np.median(targets.area / own) == pytest.approx(1.0, abs=0.02)
