@@ -450,6 +450,6 @@ def test_meshes_without_layers_have_none(shared_meshes, name):
 def test_sizes_of_an_adapted_mesh_are_meant(shared_meshes):
     mesh = read_mesh(shared_meshes / "tri_adapt.su2")
     targets = auto(mesh)
-    assert targets.size_weight.mean() > 0.99
+    assert targets.size_weight.mean() > 0.95
     own = initial(mesh.topology, mesh.xy).area
     assert np.median(targets.area / own) == pytest.approx(1.0, abs=0.02)

@@ -84,9 +84,9 @@ TRIANGLE_STRETCH, TRIANGLE_RINGS = (math.log(4.0), math.log(8.0)), 4
 TRIANGLE_SCATTER = 0.6, 0.3
 # Log areas are averaged over so many rings; noise is what differs from that, averaged over some
 # more, and trend how far the averages vary in the whole mesh. Trend over noise: random triangles
-# .7, meshes meant to be uniform .5 to 1.2, graded ones 3 to 100, 3.2 and 5.7 after a shake.
+# .7, meshes meant to be uniform .5 to 1.6, graded ones 3 to 100, tri_adapt 17 and shaken 3.2.
 AREA_RINGS, NOISE_RINGS = 3, 6
-AREA_TREND = 1.5, 3.0
+AREA_TREND = 2.0, 4.0
 # Added to the noise, so that a mesh of equal cells has no trend.
 LEAST_NOISE = 0.01
 
