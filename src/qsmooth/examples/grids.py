@@ -91,6 +91,56 @@ def notch(n: int = 40, *, depth: float = 0.7, width: float = 0.2, kind: Kind = "
     return _grid(points, n, n, kind)
 
 
+def distorted(n: int = 64, seed: int = 0) -> Mesh:
+    """Distort a square grid of `n` by `n` quads, outline and all, as far as they stay convex.
+
+    Four shears along x and y in turn, each a sine of random phase and length; they keep areas. So
+    strong that a quarter of the quads have a corner over 160°, or, before that, one is not convex.
+    Distortion is not intent: neither directions nor ratios of sides are meant.
+
+    Parameters
+    ----------
+    n
+        2 or more.
+
+    Raises
+    ------
+    ValueError
+        If `n` is too small.
+    """
+    if n < 2:
+        raise ValueError(f"n must be 2 or more, got {n}")
+    square = structured(n, n)
+    rng = np.random.default_rng([n, seed])
+    waves = rng.uniform((0.5, 0.0), (1.5, 1.0), (4, 2))
+
+    def sheared(amount: float) -> FloatArray:
+        x, y = square.points.T
+        for k, (per_length, phase) in enumerate(waves):
+            if k % 2 == 0:
+                x = x + amount * np.sin(2.0 * math.pi * (per_length * y + phase))
+            else:
+                y = y + amount * np.sin(2.0 * math.pi * (per_length * x + phase))
+        return np.stack([x, y], axis=1)
+
+    def too_far(points: FloatArray) -> bool:
+        p = points[square.cells[0]]
+        u, w = np.roll(p, -1, axis=1) - p, np.roll(p, 1, axis=1) - p
+        det = u[..., 0] * w[..., 1] - u[..., 1] * w[..., 0]
+        dot = (u * w).sum(axis=2)
+        flat = dot < -det / math.tan(math.radians(20.0))
+        return bool((det <= 1e-3 * np.abs(dot)).any() or flat.any(axis=1).mean() > 0.25)
+
+    low, high = 0.0, 0.5
+    for _ in range(30):
+        middle = 0.5 * (low + high)
+        if too_far(sheared(middle)):
+            high = middle
+        else:
+            low = middle
+    return square.with_points(sheared(low))
+
+
 def boundary_layer(nx: int = 60, ny: int = 24, *, first: float = 1e-5, kind: Kind = "quad") -> Mesh:
     """Lay thin quads along a wavy wall, the first of height `first`, growing geometrically to 1.
 

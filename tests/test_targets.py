@@ -1,0 +1,455 @@
+"""Targets: what shape and size each cell is meant to have."""
+
+import math
+
+import numpy as np
+import pytest
+
+import meshes
+from qsmooth import Mesh, examples, quality, read_mesh
+from qsmooth.kernels._jit import use_threads
+from qsmooth.targets import (
+    EQUILATERAL,
+    SQUARE,
+    Sheets,
+    candidates,
+    from_metric,
+    from_ratios,
+    ideal,
+    initial,
+    learned,
+)
+
+GROWTH = 1.3
+
+
+def auto(mesh):
+    return learned(mesh.topology, mesh.xy)
+
+
+def energies(mesh, targets):
+    """Energy f at each corner, and τ, by the definition."""
+    top = mesh.topology
+    f, tau = np.empty(top.cell_vertices.size), np.empty(top.cell_vertices.size)
+    for c in range(top.n_cells):
+        first, n = top.cell_offsets[c], top.cell_sizes[c]
+        root = np.eye(2)
+        if targets.maps is not None:
+            xx, xy, yy = targets.maps[c]
+            root = np.array([[xx, xy], [xy, yy]])
+            assert np.linalg.det(root) == pytest.approx(1.0)
+        p = mesh.xy[top.cell_vertices[first : first + n]]
+        for i in range(n):
+            u, w = root @ (p[(i + 1) % n] - p[i]), root @ (p[i - 1] - p[i])
+            m11, m12, m22 = targets.corners[first + i]
+            det = u[0] * w[1] - u[1] * w[0]
+            f[first + i] = (m11 * u @ u + 2 * m12 * u @ w + m22 * w @ w) / (2 * det)
+            tau[first + i] = det / targets.area[c]
+    return f, tau
+
+
+def unit(targets):
+    m11, m12, m22 = targets.corners.T
+    return m11 * m22 - m12**2
+
+
+def layer(nx=12, ny=10, first=1e-3, kind="quad"):
+    """A graded rectangle: layers of heights that grow by `GROWTH`, of length 1."""
+    y, x = np.meshgrid(np.arange(ny + 1.0), np.arange(nx + 1.0), indexing="ij")
+    points = np.stack([x.ravel(), first * (GROWTH ** y.ravel() - 1) / (GROWTH - 1)], axis=1)
+    _, (quads,) = meshes.grid(nx, ny)
+    cells = meshes.split(quads, np.ones(len(quads), bool)) if kind == "triangle" else quads
+    return Mesh(points, cells)
+
+
+def shaken(mesh, amount, seed=3):
+    """Every free vertex moved by up to so much of its shortest edge; see `peers/sizes.py`."""
+    offsets, ring = mesh.topology.rings
+    ends = mesh.xy[ring] - np.repeat(mesh.xy, np.diff(offsets), axis=0)
+    shortest = np.minimum.reduceat(np.hypot(*ends.T), offsets[:-1])
+    moves = np.random.default_rng(seed).uniform(-amount, amount, mesh.xy.shape)
+    return mesh.with_xy(mesh.xy + moves * shortest[:, None], ~mesh.is_fixed)
+
+
+# -------------------------------------------------------------------------- what the caller asks
+
+
+def test_ideal_cells_are_those_of_the_kernels():
+    from qsmooth.kernels import corner_energy
+
+    assert tuple(SQUARE) == corner_energy.SQUARE
+    assert tuple(EQUILATERAL) == pytest.approx(corner_energy.EQUILATERAL)
+    mesh = examples.structured(4, 2, kind="mixed")
+    targets = ideal(mesh.topology)
+    f, _ = energies(mesh, targets)
+    assert unit(targets) == pytest.approx(np.ones(f.size))
+    assert not targets.size_weight.any()
+    assert np.isnan(targets.area).all()
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.7, 2.0])
+def test_initial_is_what_rectangles_and_triangles_are(turn):
+    points, blocks = meshes.graded(3, 3)
+    quads = blocks[0]
+    c, s = math.cos(turn), math.sin(turn)
+    turned = points @ np.array([[c, s], [-s, c]])
+    mesh = Mesh(turned, [meshes.split(quads[:5], np.arange(5) % 2 == 0), quads[5:]])
+    targets = initial(mesh.topology, mesh.xy)
+    f, tau = energies(mesh, targets)
+    assert f == pytest.approx(np.ones(f.size), rel=1e-9)
+    assert tau == pytest.approx(np.ones(f.size), rel=1e-9)
+    assert (targets.size_weight == 1.0).all()
+
+
+def test_initial_asks_a_sheared_quad_for_right_angles_in_its_own_direction():
+    mesh = Mesh([(0, 0), (4, 0), (5, 1), (1, 1)], [(0, 1, 2, 3)])
+    targets = initial(mesh.topology, mesh.xy)
+    assert targets.area[0] == pytest.approx(4.0)
+    xx, xy, yy = targets.maps[0]
+    root = np.array([[xx, xy], [xy, yy]])
+    values, axes = np.linalg.eigh(root)
+    # Sides 4 and √2 in proportion; the axes halfway between those of the sides, at 0 and −45°.
+    assert values[1] / values[0] == pytest.approx(4.0 / math.sqrt(2.0))
+    angle = math.degrees(math.atan2(axes[1, 0], axes[0, 0])) % 180.0
+    assert angle == pytest.approx(157.5)
+
+
+def test_ratios_are_in_the_callers_order_and_orientation():
+    points = [(0, 0), (3, 0), (6, 0), (0, 1), (3, 1), (6, 1)]
+    # The first counter-clockwise from a long side, the second clockwise, from a short one.
+    mesh = Mesh(points, [(0, 1, 4, 3), (1, 4, 5, 2)])
+    assert mesh.topology.turned.tolist().count(True) == 1
+    targets = from_ratios(mesh, [3.0, 1.0 / 3.0])
+    f, _ = energies(mesh, targets)
+    assert f == pytest.approx(np.ones(8))
+    assert energies(mesh, from_ratios(mesh, [3.0, 3.0]))[0][4:] == pytest.approx(np.full(4, 41 / 9))
+
+
+@pytest.mark.parametrize(
+    ("ratios", "said"),
+    [
+        ([1.0], r"must have the shape \(2,\), got \(1,\)"),
+        ([1.0, 0.0], "must be positive, got 0.0 for cell 1"),
+        ([math.nan, 1.0], "must be positive, got nan for cell 0"),
+        ("few", "must be numbers"),
+    ],
+)
+def test_bad_ratios_are_named(ratios, said):
+    with pytest.raises(ValueError, match=said):
+        from_ratios(examples.structured(2, 1), ratios)
+
+
+def test_ratios_are_for_quads():
+    with pytest.raises(ValueError, match="meshes of quads only"):
+        from_ratios(examples.structured(2, 1, kind="mixed"), [1.0] * 3)
+
+
+@pytest.mark.parametrize("kind", ["quad", "triangle"])
+def test_cells_of_size_one_in_a_metric_are_at_their_target(kind):
+    side = np.array([[0.5, 0.0], [0.0, 2.0]])  # from unit cells to those of the mesh
+    turn = np.array([[0.6, -0.8], [0.8, 0.6]])
+    flat = meshes.grid(2, 2)[0]
+    if kind == "triangle":
+        flat = flat @ np.array([[1.0, 0.0], [0.5, math.sqrt(0.75)]])
+    quads = meshes.grid(2, 2)[1][0]
+    # Equilateral halves: cut along the shorter diagonal.
+    cells = meshes.split(quads, np.zeros(4, bool)) if kind == "triangle" else quads
+    to_mesh = turn @ side
+    mesh = Mesh(flat @ to_mesh.T, cells)
+    tensor = np.linalg.inv(to_mesh @ to_mesh.T)
+    for metric in (
+        np.tile(tensor, (9, 1, 1)),
+        lambda places: np.tile(tensor, (len(places), 1, 1)),
+    ):
+        f, tau = energies(mesh, from_metric(mesh, metric))
+        assert f == pytest.approx(np.ones(f.size))
+        assert tau == pytest.approx(np.ones(f.size))
+
+
+def test_tensors_are_averaged_in_logarithms_and_functions_asked_where_vertices_are():
+    mesh = Mesh([(0, 0), (1, 0), (1, 1), (0, 1)], [(0, 1, 2, 3)])
+    tensors = np.array([np.diag([4.0**k, 1.0]) for k in range(4)])
+    assert from_metric(mesh, tensors).area[0] == pytest.approx(2.0**-1.5)
+
+    def by_place(places):
+        return places[:, :1, None] ** -2 * np.eye(2)
+
+    assert from_metric(mesh, by_place).area[0] == pytest.approx(0.25)
+    assert from_metric(mesh, by_place, mesh.xy + 1.0).area[0] == pytest.approx(2.25)
+
+
+@pytest.mark.parametrize(
+    ("metric", "said"),
+    [
+        (np.ones((4, 2)), r"one metric tensor for each of 4 vertices, \(4, 2, 2\), got \(4, 2\)"),
+        (np.tile([[1.0, 2.0], [2.0, 1.0]], (4, 1, 1)), "that of vertex 0 is not"),
+        (np.tile([[1.0, 0.5], [0.0, 1.0]], (4, 1, 1)), "that of vertex 0 is not"),
+        (np.full((4, 2, 2), np.nan), "that of vertex 0 is not"),
+        (lambda places: np.zeros((1, 2, 2)), "that of cell 0 is not"),
+        (lambda places: places, "for each of 1 cells"),
+        ("round", "must be numbers"),
+    ],
+)
+def test_bad_metrics_are_named(metric, said):
+    mesh = Mesh([(0, 0), (1, 0), (1, 1), (0, 1)], [(0, 1, 2, 3)])
+    with pytest.raises(ValueError, match=said):
+        from_metric(mesh, metric)
+
+
+# ------------------------------------------------------------------------- what the mesh asks for
+
+ISOTROPIC = {
+    "squares": lambda: examples.structured(8, 8),
+    "moved squares": lambda: examples.jittered(12, 12, amount=0.3),
+    "cut squares": lambda: examples.jittered(12, 12, kind="triangle", amount=0.3),
+    "both": lambda: examples.jittered(12, 12, kind="mixed", amount=0.3),
+    "random triangles": lambda: examples.random_triangles(400),
+    "spiral": examples.spiral,
+    "one quad": lambda: Mesh([(0, 0), (1, 0), (1, 1), (0, 1)], [(0, 1, 2, 3)]),
+    "one triangle": lambda: Mesh([(0, 0), (1, 0), (0, 1)], [(0, 1, 2)]),
+}
+
+
+@pytest.mark.parametrize("make", ISOTROPIC.values(), ids=ISOTROPIC.keys())
+def test_isotropic_meshes_are_to_be_ideal(make):
+    mesh = make()
+    squares, ratios = candidates(mesh.topology, mesh.xy)
+    plain = ideal(mesh.topology)
+    assert squares is ratios
+    assert squares.kind == "ideal"
+    assert np.array_equal(squares.corners, plain.corners)
+    assert not squares.size_weight.any()
+    assert not squares.is_layer.any()
+
+
+@pytest.mark.parametrize("kind", ["quad", "triangle"])
+def test_rectangles_of_a_layer_are_to_stay_as_they_are(kind):
+    mesh = layer(kind=kind)
+    targets = auto(mesh)
+    f, tau = energies(mesh, targets)
+    assert targets.is_layer.all()
+    assert targets.size_weight == pytest.approx(np.ones(mesh.n_cells))
+    assert unit(targets) == pytest.approx(np.ones(f.size))
+    assert f == pytest.approx(np.ones(f.size), rel=1e-9)
+    assert tau == pytest.approx(np.ones(f.size), rel=1e-9)
+
+
+def test_two_rows_of_slim_quads_are_no_layer():
+    assert auto(layer(ny=3)).is_layer.all()
+    assert not auto(layer(ny=2)).is_layer.any()
+
+
+def test_a_layer_over_a_wavy_wall_is_to_have_right_angles_and_keep_its_heights():
+    mesh = examples.boundary_layer()
+    targets = auto(mesh)
+    _, tau = energies(mesh, targets)
+    assert targets.is_layer.all()
+    thin = targets.size_weight > 0.99
+    means = tau.reshape(-1, 4).mean(axis=1)[thin]
+    assert means == pytest.approx(np.ones(means.size), rel=0.005)
+    # Rectangles: the coefficients have no mixed term, so f falls as angles become right.
+    assert not targets.corners[:, 1].any()
+
+
+def test_of_a_shaken_layer_the_noise_is_taken_away():
+    mesh = layer(nx=60, ny=24)
+    noisy = shaken(mesh, 0.35)
+    assert not np.allclose(noisy.xy, mesh.xy)
+    areas = auto(noisy).area / auto(mesh).area
+    own = initial(noisy.topology, noisy.xy).area / auto(mesh).area
+    assert auto(noisy).is_layer.all()
+    assert np.std(np.log(areas)) < 0.25 * np.std(np.log(own))
+    assert np.abs(np.log(areas)).max() < 0.2
+    assert np.median(areas) == pytest.approx(1.0, abs=0.02)
+
+
+def test_layers_and_what_is_around_them_are_told_apart():
+    """Slim quads below, and on top of them triangles of any shape but no meaning."""
+    below = layer(nx=40, ny=6, first=0.01)
+    height = below.points[:, 1].max()
+    above = examples.jittered(40, 20, kind="triangle", amount=0.3)
+    points = above.points * [40.0, 20.0] + [0.0, height]
+    n = len(below.points)
+    numbers = n - 41 + np.arange(len(points))  # the last row of the one is the first of the other
+    mesh = Mesh(
+        np.concatenate([below.points, points[41:]]), [below.cells[0], numbers[above.cells[0]]]
+    )
+    targets = auto(mesh)
+    quads = mesh.topology.cell_sizes == 4
+    assert targets.is_layer[quads].all()
+    assert not targets.is_layer[~quads].any()
+    corners = targets.corners[mesh.topology.cell_sizes[mesh.topology.corner_cells] == 3]
+    assert corners == pytest.approx(np.tile(EQUILATERAL, (len(corners), 1)))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_distortion_is_no_layer(seed):
+    mesh = examples.distorted(64, seed)
+    squares, _ = candidates(mesh.topology, mesh.xy)
+    assert (quality(mesh).max_angle > 160).mean() > 0.24
+    assert squares.kind == "ideal"
+
+
+def test_ratios_are_learned_where_nothing_is_a_layer():
+    mesh = examples.notch()
+    squares, ratios = candidates(mesh.topology, mesh.xy)
+    assert squares.kind == "ideal"
+    assert ratios.kind == "ratios"
+    assert not ratios.size_weight.any()
+    # Above the tip columns are squeezed to three tenths of their height: wide quads are meant.
+    slim = np.abs(np.log(ratios.corners[:, 0])).max()
+    assert math.log(3.0) < slim < math.log(12.0)
+
+
+def test_stretched_triangles_keep_their_shape_though_they_are_no_halves_of_quads():
+    lattice = examples.structured(20, 20, kind="triangle")
+    sheared = lattice.points @ np.array([[30.0, 0.0], [15.0, 1.0]])
+    mesh = Mesh(sheared, lattice.cells)
+    targets = auto(mesh)
+    f, _ = energies(mesh, targets)
+    assert f == pytest.approx(np.ones(f.size), rel=1e-6)
+
+
+def test_graded_triangles_are_to_keep_their_areas_and_equal_ones_need_not():
+    equal = examples.jittered(24, 24, kind="triangle", amount=0.1)
+    graded = Mesh(np.exp(2.0 * equal.points), equal.cells)
+    targets = auto(graded)
+    assert not auto(equal).size_weight.any()
+    assert targets.size_weight.mean() > 0.95
+    _, tau = energies(graded, targets)
+    assert np.median(tau) == pytest.approx(1.0, abs=0.02)
+
+
+def test_invalid_cells_and_edges_of_no_length_are_no_trouble():
+    for mesh in (
+        examples.tangled(12, 12, kind="mixed"),
+        Mesh([(0, 0), (0, 0), (1, 1), (0, 1)], [(0, 1, 2, 3)]),
+        Mesh([(0, 0), (1, 0), (2, 0), (0, 1)], [(0, 1, 2), (0, 2, 3)]),
+    ):
+        for targets in (auto(mesh), initial(mesh.topology, mesh.xy)):
+            assert np.isfinite(targets.corners).all()
+            assert np.isfinite(targets.size_weight).all()
+            assert np.isfinite(targets.area[targets.size_weight > 0]).all()
+
+
+# ------------------------------------------------------------------------ properties of any mesh
+
+ANY = {
+    "layer": lambda: shaken(examples.boundary_layer(30, 16), 0.2),
+    "layer of triangles": lambda: shaken(layer(20, 8, kind="triangle"), 0.02),
+    "notch": examples.notch,
+    "graded triangles": lambda: Mesh(
+        np.exp(2.0 * examples.jittered(16, 16, kind="triangle", amount=0.2).points),
+        examples.structured(16, 16, kind="triangle").cells,
+    ),
+    "mixed layer": lambda: examples.boundary_layer(20, 12, kind="mixed"),
+}
+
+
+@pytest.mark.parametrize("make", ANY.values(), ids=ANY.keys())
+def test_turning_and_scaling_changes_areas_alone(make):
+    mesh = make()
+    turn = np.array([[0.28, 0.96], [-0.96, 0.28]])
+    moved = Mesh(mesh.xy @ turn * 50.0 + [3.0, -2.0], mesh.cells)
+    before, after = auto(mesh), auto(moved)
+    assert after.corners == pytest.approx(before.corners, rel=1e-5, abs=1e-5)
+    assert after.size_weight == pytest.approx(before.size_weight, abs=1e-5)
+    assert after.area == pytest.approx(2500.0 * before.area, rel=1e-5, nan_ok=True)
+
+
+@pytest.mark.parametrize("make", ANY.values(), ids=ANY.keys())
+def test_other_numbers_give_the_same_targets(make):
+    mesh = make()
+    rng = np.random.default_rng(1)
+    vertices = rng.permutation(mesh.n_vertices)
+    blocks = [vertices[block] for block in mesh.cells]
+    orders = [rng.permutation(len(block)) for block in blocks]
+    points = np.empty_like(mesh.points)
+    points[vertices] = mesh.points
+    other = Mesh(points, [block[order] for block, order in zip(blocks, orders, strict=True)])
+    starts = np.cumsum([0, *map(len, blocks[:-1])])
+    cells = np.concatenate([start + order for start, order in zip(starts, orders, strict=True)])
+    before, after = auto(mesh), auto(other)
+    assert after.size_weight == pytest.approx(before.size_weight[cells], abs=1e-6)
+    assert after.area == pytest.approx(before.area[cells], rel=1e-6, nan_ok=True)
+    f, g = energies(mesh, before)[0], energies(other, after)[0]
+    assert np.sort(g) == pytest.approx(np.sort(f), rel=1e-6)
+
+
+@pytest.mark.parametrize("make", ANY.values(), ids=ANY.keys())
+def test_nothing_hangs_on_the_last_digits(make):
+    mesh = make()
+    before, after = auto(mesh), auto(shaken(mesh, 1e-7))
+    assert after.corners == pytest.approx(before.corners, rel=1e-4, abs=1e-4)
+    assert after.size_weight == pytest.approx(before.size_weight, abs=1e-4)
+    assert after.area == pytest.approx(before.area, rel=1e-4, nan_ok=True)
+
+
+@pytest.mark.parametrize("make", ANY.values(), ids=ANY.keys())
+def test_two_threads_learn_the_bits_of_one(make):
+    mesh, found = make(), []
+    for threads in (1, 2):
+        with use_threads(threads):
+            found.append([a.tobytes() for a in auto(mesh)[:4]])
+    assert found[0] == found[1]
+
+
+def test_every_quad_is_on_two_sheets():
+    mesh = examples.structured(5, 3)
+    offsets, links, closed = Sheets(mesh.topology, mesh.xy)._order
+    assert sorted(links.tolist()) == list(range(30))
+    assert sorted(np.diff(offsets).tolist()) == [3] * 5 + [5] * 3
+    assert not closed.any()
+
+
+# -------------------------------------------------------------------------------- real meshes
+
+# Share of the cells that are of a layer, from and to.
+LAYERED = {
+    "naca0012_113x33.su2": (0.9, 1.0),
+    "rae2822_mixed.su2": (0.17, 0.21),
+    "centrifugal_blade_mixed.su2": (0.53, 0.57),
+    "wall_channel_two_zones.su2": (0.6, 0.8),
+    "mesquite_hole_scheme.vtk": (1.0, 1.0),
+}
+UNLAYERED = [
+    "spiral_2k.off", "hughes_qt_cpe4.inp", "dealii_two_holes.msh", "mesquite_shest_grid32.vtk",
+    "mesquite_overture_mixed.vtk", "cantilever_crlf.su2", "tri_adapt.su2", "sfepy_tri932.mesh",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", LAYERED)
+def test_layers_of_real_meshes_are_found_and_nothing_hangs_on_their_last_digits(
+    shared_meshes, name
+):
+    mesh = read_mesh(shared_meshes / name)
+    targets = auto(mesh)
+    low, high = LAYERED[name]
+    assert low <= targets.is_layer.mean() <= high
+    own = np.log(initial(mesh.topology, mesh.xy).area)
+    left = np.exp(np.log(targets.area) - own)[targets.is_layer]
+    assert np.median(left) == pytest.approx(1.0, abs=0.005)
+    again = auto(shaken(mesh, 1e-7))
+    assert again.corners == pytest.approx(targets.corners, rel=1e-3, abs=1e-3)
+    assert again.size_weight == pytest.approx(targets.size_weight, abs=1e-3)
+    assert again.area == pytest.approx(targets.area, rel=1e-3, nan_ok=True)
+    # Shaken by more than it can bear, it has the same layers, and nearly the same sizes.
+    noisy = auto(shaken(mesh, 0.35))
+    assert low - 0.05 <= noisy.is_layer.mean() <= high + 0.05
+    both = noisy.is_layer & targets.is_layer & (mesh.topology.cell_sizes == 4)
+    areas = noisy.area[both] / targets.area[both]
+    assert np.median(areas) == pytest.approx(1.0, abs=0.02)
+    assert np.std(np.log(areas)) < 0.1
+
+
+@pytest.mark.parametrize("name", UNLAYERED)
+def test_meshes_without_layers_have_none(shared_meshes, name):
+    assert not auto(read_mesh(shared_meshes / name)).is_layer.any()
+
+
+def test_sizes_of_an_adapted_mesh_are_meant(shared_meshes):
+    mesh = read_mesh(shared_meshes / "tri_adapt.su2")
+    targets = auto(mesh)
+    assert targets.size_weight.mean() > 0.95
+    own = initial(mesh.topology, mesh.xy).area
+    assert np.nanmedian(targets.area / own) == pytest.approx(1.0, abs=0.02)
