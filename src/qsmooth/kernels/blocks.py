@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from qsmooth._types import BlockArray, IndexArray, TableArray
+from qsmooth._types import BlockArray, FloatArray, IndexArray, TableArray
 from qsmooth.kernels._jit import inlined_helper, kernel
 from qsmooth.kernels.stars import NO_VERTEX, Stars
 
@@ -49,6 +49,30 @@ class Blocks(NamedTuple):
     largest: int
 
 
+class Rows(NamedTuple):
+    """What is asked of each cell around each vertex, in the order of `Blocks.cells`.
+
+    Attributes
+    ----------
+    m11, m12, m22 : (n_rows,)
+        The target shape at the corner of the vertex (`corner_energy.Target`); in quads m12 is 0.
+    area, inv_area : (n_rows,)
+        Target of the corners' determinants, and one over it; both 0 where size does not count.
+    size_weight : (n_rows,)
+        Weight of the size term.
+    slim : (n_rows,)
+        One over the shape energy at which the wall on a cell's shape is 1 high; 0 for no wall.
+    """
+
+    m11: FloatArray
+    m12: FloatArray
+    m22: FloatArray
+    area: FloatArray
+    inv_area: FloatArray
+    size_weight: FloatArray
+    slim: FloatArray
+
+
 class Block(NamedTuple):
     """One row of `Blocks.table`."""
 
@@ -64,8 +88,12 @@ class Block(NamedTuple):
 def block_at(table: BlockArray, b: int) -> Block:
     """Look up block b."""
     return Block(
-        table[b, FIRST], table[b, SIZE], table[b, N_QUADS], table[b, N_TRIANGLES],
-        table[b, STAR], table[b, ROWS],
+        table[b, FIRST],
+        table[b, SIZE],
+        table[b, N_QUADS],
+        table[b, N_TRIANGLES],
+        table[b, STAR],
+        table[b, ROWS],
     )
 
 
@@ -148,3 +176,21 @@ def build_blocks(stars: Stars) -> Blocks:
             b += 1
         colour_blocks[colour + 1] = b
     return Blocks(colour_blocks, table, vertices, entries, cells, stars.largest)
+
+
+@kernel()
+def row_corners(blocks: Blocks, cell_offsets: IndexArray, cell_vertices: IndexArray) -> IndexArray:
+    """Find the position in `cell_vertices` of each row's vertex in its cell, (n_rows,)."""
+    out = np.empty(blocks.cells.size, np.int64)
+    for b in range(blocks.table.shape[0]):
+        size = np.int64(blocks.table[b, SIZE])
+        first, row = np.int64(blocks.table[b, FIRST]), np.int64(blocks.table[b, ROWS])
+        n_cells = np.int64(blocks.table[b, N_QUADS] + blocks.table[b, N_TRIANGLES])
+        for k in range(n_cells):
+            for i in range(size):
+                c = blocks.cells[row + k * size + i]
+                v = blocks.vertices[first + i]
+                for position in range(cell_offsets[c], cell_offsets[c + 1]):
+                    if cell_vertices[position] == v:
+                        out[row + k * size + i] = position
+    return out

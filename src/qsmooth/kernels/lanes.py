@@ -15,12 +15,12 @@ from qsmooth.kernels.blocks import Block, lane_row
 from qsmooth.kernels.corner_energy import Linear, Quadratic, hessian, quotient
 
 ROW, ROW2, ROW3, ROW4, ROW5, ROW6 = (lane_row(k) for k in range(1, 7))
-N_ROWS = 19
+N_ROWS = 22
 # Energy, gradient and Hessian of the star; energy of a trial and the least margin of its areas;
 # Newton step; place and trial place; 1 while the vertex has a step to take; for one kernel's use.
 (
     ENERGY, GX, GY, HXX, HXY, HYY, TRIAL, MARGIN, SX, SY, X, Y, PX, PY, TODO, OWN,
-    MOST_COSINE, LEAST_COSINE, LEAST_SINE,
+    MOST_COSINE, LEAST_COSINE, LEAST_SINE, MOST_RATIO, MOST_SHAPE, LEAST_EDGE,
 ) = (lane_row(k) for k in range(N_ROWS))  # fmt: skip
 # Share of its energy that a vertex's step must promise, by its linear model, to be worth a trial.
 LEAST_PROMISE = 1e-14

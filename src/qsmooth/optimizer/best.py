@@ -1,49 +1,42 @@
-"""The best coordinates that were seen, by the promise that no figure gets worse than it was."""
+"""The best coordinates that were seen; what is held needs no look, as no sweep lets it go."""
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+
+import numpy as np
 
 from qsmooth._types import FloatArray
-from qsmooth.metrics import Quality
 from qsmooth.optimizer.lanes import Lanes
 from qsmooth.optimizer.progress import Progress
-from qsmooth.outcome import Forbidden, Trade
+from qsmooth.outcome import Forbidden
 
 # A result that is better by less than this in every figure is not worth moving a vertex for.
 LEAST_GAIN = 1e-3
-# Gain in the smallest scaled Jacobian for which the mean shape may get worse than it was.
-LEAST_TRADE = 1e-2
+# A better worst corner that the allowed loss of the mean forbids is told of from this gain on.
+LEAST_FORBIDDEN = 1e-2
 
 
-@dataclass
+@dataclass(frozen=True)
 class Figures:
-    """The four figures that a result must not lower, and two more.
+    """What coordinates are judged by.
 
-    `free_jacobian` is the smallest scaled Jacobian of the corners that can change, 0 where one of
-    them is not positive.
+    Attributes
+    ----------
+    free_jacobian
+        Smallest scaled Jacobian of the corners that can change, 0 where one is not positive.
+    shape
+        Mean over the cells of one over the worst corner's energy towards its target.
+    plain_shape
+        The same towards squares and equilateral triangles.
+    n_invalid
+        Cells that are not valid.
     """
 
-    min_angle: float
-    max_angle: float
-    scaled_jacobian: float
-    shape: float
     free_jacobian: float
+    shape: float
+    plain_shape: float
     n_invalid: int
-
-    def no_worse(self, other: Figures) -> bool:
-        """Whether none of the four figures is worse than the other's."""
-        return self.worst_no_worse(other) and self.shape >= other.shape
-
-    def worst_no_worse(self, other: Figures) -> bool:
-        """Whether the worst cells are no worse than the other's."""
-        return (
-            self.n_invalid <= other.n_invalid
-            and self.min_angle >= other.min_angle
-            and self.max_angle <= other.max_angle
-            and self.scaled_jacobian >= other.scaled_jacobian
-        )
 
     def better(self, other: Figures) -> bool:
         """Whether the worst corner is better, or about as good with a better mean."""
@@ -51,25 +44,19 @@ class Figures:
         return gain > LEAST_GAIN or (gain > -LEAST_GAIN and self.shape > other.shape)
 
     def gain(self, other: Figures) -> float:
-        """Largest gain over the other in any figure; angles count in radians."""
-        return max(
-            math.radians(self.min_angle - other.min_angle),
-            math.radians(other.max_angle - self.max_angle),
-            self.scaled_jacobian - other.scaled_jacobian,
-            self.free_jacobian - other.free_jacobian,
-            self.shape - other.shape,
-        )
+        """Largest gain over the other in any figure."""
+        return max(self.free_jacobian - other.free_jacobian, self.shape - other.shape)
 
 
 class Best:
-    """The best coordinates so far, and what could be had at a price.
+    """The best coordinates so far.
 
     Parameters
     ----------
     lanes, xy, progress
         The sweeps, the coordinates to begin with, (n, 2), and where rounds are noted.
     mean_loss
-        Share of the best mean shape that the worst cells may cost.
+        Share of the best mean shape towards the target that the worst cells may cost.
     target
         Smallest scaled Jacobian that is enough, or None.
 
@@ -78,11 +65,9 @@ class Best:
     xy, figures
         The best coordinates, (n, 2), and their figures.
     given
-        Figures that the result must not be worse than.
+        Figures of the coordinates to begin with.
     updates
         How often the worst corner got better.
-    trades, forbidden
-        What `settle` found, as in `Outcome`.
     """
 
     def __init__(
@@ -97,43 +82,23 @@ class Best:
         self.lanes, self.progress = lanes, progress
         self._mean_loss, self._target = mean_loss, target
         self.updates = 0
-        self.trades: tuple[Trade, ...] = ()
-        self.forbidden: Forbidden | None = None
-        self.restart(xy)
-
-    def restart(self, xy: FloatArray, *, mean_counts: bool = True) -> None:
-        """Take these coordinates as the ones that the result must not be worse than.
-
-        The mean shape of a mesh that has just been untangled need not be kept.
-        """
         self._given_xy, self.xy = xy.copy(), xy.copy()
-        self.given = self.figures = self._measure(xy, self.lanes.quality(xy))
+        self.given = self.figures = self.measure(xy)
         self.best_shape = self.given.shape if self.given.n_invalid == 0 else 0.0
-        if not mean_counts:
-            self.given = replace(self.given, shape=0.0)
-        # The best of those that lower the mean shape alone: taken where nothing keeps all figures.
-        self._trade: tuple[FloatArray, Figures] | None = None
         # The best worst corner that was seen at a cost beyond the allowed loss of the mean.
         self._too_dear = 0.0
 
     def offer(self, xy: FloatArray) -> Figures:
         """Measure coordinates, and keep them if they are the best."""
-        quality = self.lanes.quality(xy)
-        now = self._measure(xy, quality)
-        self.lanes.report(xy, quality, self.progress)
+        now = self.measure(xy)
+        self.lanes.report(xy, self.lanes.quality(xy), self.progress)
         self.best_shape = max(self.best_shape, now.shape)
         affordable = now.shape >= self.floor()
-        if now.n_invalid < self.figures.n_invalid or (
-            affordable and now.no_worse(self.given) and now.better(self.figures)
-        ):
+        fewer = now.n_invalid < self.figures.n_invalid
+        if fewer or (affordable and now.n_invalid == 0 and now.better(self.figures)):
             self.updates += now.free_jacobian > self.figures.free_jacobian + LEAST_GAIN
             self.xy[:], self.figures = xy, now
-        elif affordable and now.n_invalid == 0 and now.worst_no_worse(self.given):
-            then = self.given if self._trade is None else self._trade[1]
-            if self._trade is None or now.better(then):
-                self.updates += now.free_jacobian > then.free_jacobian + LEAST_GAIN
-                self._trade = xy.copy(), now
-        elif now.n_invalid == 0 and now.worst_no_worse(self.given):
+        elif not affordable and now.n_invalid == 0:
             self._too_dear = max(self._too_dear, now.free_jacobian)
         return now
 
@@ -146,26 +111,23 @@ class Best:
         return self._target is not None and self.figures.free_jacobian >= self._target
 
     def settle(self) -> None:
-        """Settle on the result: the best, or else a trade, or else the coordinates given."""
-        if self.figures.gain(self.given) >= LEAST_GAIN:
-            return
-        trade = self._trade
-        if trade and trade[1].free_jacobian > self.given.free_jacobian + LEAST_TRADE:
-            self.xy, self.figures = trade
-            shapes = {"before": self.given.shape, "after": self.figures.shape}
-            self.trades = (Trade(figure="mean_shape", gained="scaled_jacobian", **shapes),)
-            return
-        self.xy, self.figures = self._given_xy, self.given
-        if self._too_dear > self.given.free_jacobian + LEAST_TRADE:
-            self.forbidden = Forbidden(scaled_jacobian=self._too_dear, mean_loss=self._mean_loss)
+        """Go back to the coordinates given where nothing of them was to gain."""
+        if self.figures.gain(self.given) < LEAST_GAIN and self.given.n_invalid == 0:
+            self.xy, self.figures = self._given_xy, self.given
 
-    def _measure(self, xy: FloatArray, quality: Quality) -> Figures:
-        smallest, largest = quality.extreme_angles
+    @property
+    def forbidden(self) -> Forbidden | None:
+        """A better worst cell that would have cost the mean more than is allowed."""
+        if self._too_dear <= self.figures.free_jacobian + LEAST_FORBIDDEN:
+            return None
+        return Forbidden(scaled_jacobian=self._too_dear, mean_loss=self._mean_loss)
+
+    def measure(self, xy: FloatArray) -> Figures:
+        """Measure coordinates, (n, 2)."""
+        quality = self.lanes.quality(xy)
         return Figures(
-            min_angle=smallest,
-            max_angle=largest,
-            scaled_jacobian=float(quality.scaled_jacobian.min()),
-            shape=float(quality.shape.mean()),
             free_jacobian=1.0 / float(self.lanes.energy(xy)[0].max()),
+            shape=float((1.0 / self.lanes.worst_shape(xy)).mean()),
+            plain_shape=float(np.mean(quality.shape)),
             n_invalid=quality.n_invalid,
         )

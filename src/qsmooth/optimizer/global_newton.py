@@ -35,10 +35,12 @@ class GlobalNewton:
     only fills in the values.
     """
 
-    def __init__(self, topology: Topology, stars: Stars) -> None:
+    def __init__(
+        self, topology: Topology, stars: Stars, corners: FloatArray, sizes: FloatArray
+    ) -> None:
         from qsmooth.kernels.shape_hessian import block_pattern
 
-        self.topology = topology
+        self.topology, self._targets = topology, (corners, sizes)
         self.vertices = np.sort(stars.vertices.astype(np.int64))
         self.unknown = np.full(topology.n_vertices, -1, np.int64)
         self.unknown[self.vertices] = np.arange(self.vertices.size)
@@ -61,7 +63,7 @@ class GlobalNewton:
 
         assemble(
             xy, *self.topology.cells, self.unknown, self.offsets, self.columns,
-            self._gradient, self._values,
+            *self._targets, self._gradient, self._values,
         )  # fmt: skip
         size = 2 * self.vertices.size
         from scipy.sparse import bsr_matrix
@@ -86,7 +88,8 @@ class GlobalNewton:
 
         topology = self.topology
         worst, total = np.empty(topology.n_cells), np.empty(topology.n_cells)
-        cell_energy(xy, *topology.cells, self.unknown >= 0, worst, total)
+        movable = self.unknown >= 0
+        cell_energy(xy, *topology.cells, movable, *self._targets, worst, total)
         total *= np.where(topology.cell_sizes == 3, 1.0, 4.0)
         return float(total.sum())
 

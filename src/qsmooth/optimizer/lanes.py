@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,11 +12,19 @@ from qsmooth.engine import Engine
 from qsmooth.kernels.stars import Moves, Rings, Stars
 from qsmooth.metrics import Quality
 from qsmooth.optimizer.progress import Progress
+from qsmooth.targets import Targets, ideal
 from qsmooth.topology import Topology
 
 if TYPE_CHECKING:
     from qsmooth.kernels.newton_sweep import Wall
 
+# What holds nothing, and how far beyond the worst a trial may be for rounding.
+FREE = (2.0, -2.0, -2.0, 1e300, 1e300, 0.0)
+SLACK = 1e-11
+# The wall on a cell's shape is 1 high at this multiple of its shape energy, or at this energy.
+SLIMMER, LEAST_SLIM = 1.2, 1.5
+# While the worst cells are seen to, sizes count this much more in layers: else their heights drift.
+LAYER_WEIGHT = 3.0
 # Multiple of the Newton step that is tried first: neighbours follow the same way in their turn.
 RELAXATION = 1.7
 
@@ -32,7 +41,7 @@ class Lanes:
     """
 
     def __init__(self, topology: Topology, stars: Stars, engine: Engine) -> None:
-        from qsmooth.kernels.blocks import build_blocks
+        from qsmooth.kernels.blocks import build_blocks, row_corners
 
         self.topology, self.stars, self._engine = topology, stars, engine
         self.movable = np.zeros(topology.n_vertices, np.bool_)
@@ -43,24 +52,37 @@ class Lanes:
         n_movable = self._blocks.vertices.size
         self._moves = Moves(np.zeros(n_movable), np.zeros(n_movable))
         self._shortest = np.empty(n_movable)
-        self.held = np.tile([2.0, -2.0, -2.0], (topology.n_vertices, 1))
-        self.slims = np.zeros(self._blocks.cells.size)
+        self.held = np.tile(FREE, (topology.n_vertices, 1))
+        self._corners = row_corners(self._blocks, *topology.cells)
+        self.aim_at(ideal(topology))
         self._badness, self._shape = np.empty(topology.n_cells), np.empty(topology.n_cells)
 
     def quality(self, xy: FloatArray) -> Quality:
         """Measure the mesh at these coordinates."""
         return Quality(self.topology, xy)
 
-    def hold(self, xy: FloatArray) -> None:
-        """From now on let no corner get worse than the worst one at these coordinates."""
+    def hold(self, xy: FloatArray, also: Collection[str] = ()) -> None:
+        """From now on let nothing get worse than the worst of it at these coordinates.
+
+        The smallest and largest angle and the smallest scaled Jacobian are held always, and those
+        of `HOLDABLE` that are listed. Where only the boundary connects regions of a mesh, each has
+        its own worst.
+        """
         from qsmooth.kernels.newton_sweep import corner_extremes
 
         extremes = np.empty((self.topology.n_cells, 3))
         corner_extremes(xy, *self.topology.cells, self.movable, extremes)
-        slack = 1e-11
-        self.held[:, 0] = extremes[:, 0].max() + slack
-        self.held[:, 1] = extremes[:, 1].min() - slack
-        self.held[:, 2] = extremes[:, 2].min() * (1.0 - slack)
+        now = self.quality(xy)
+        self.held[:] = FREE
+        self.held[:, 0] = extremes[:, 0].max() + SLACK
+        self.held[:, 1] = extremes[:, 1].min() - SLACK
+        self.held[:, 2] = extremes[:, 2].min() * (1.0 - SLACK)
+        if "aspect_ratio" in also:
+            self.held[:, 3] = float(now.aspect_ratio.max()) ** 2 * (1.0 + SLACK)
+        if "shape" in also:
+            self.held[:, 4] = 1.0 / float(now.shape.min()) * (1.0 + SLACK)
+        if "min_edge" in also:
+            self.held[:, 5] = 0.5 * float(now["min_edge"].min()) ** 2 * (1.0 - SLACK)
 
     def newton(self, xy: FloatArray, wall: Wall, progress: Progress) -> None:
         """Sweep a round downhill on the mean shape and the wall."""
@@ -70,17 +92,47 @@ class Lanes:
         for _ in range(progress.next_round()):
             self._engine.run(
                 lambda colours: newton_sweep(
-                    xy, self._blocks, colours, RELAXATION, wall, self.held, self.slims, lengths
+                    xy, self._blocks, colours, RELAXATION, wall, self.held, self._rows, lengths
                 ),
                 self._n_colours,
             )
             progress.sweeps += 1
 
+    def aim_at(self, targets: Targets) -> None:
+        """Ask each cell for this shape and size from now on; takes walls on shape down."""
+        from qsmooth.kernels.blocks import Rows
+
+        self.targets = targets
+        cells = self._blocks.cells
+        counts = targets.size_weight > 0.0
+        area = np.where(counts, targets.area, 0.0)
+        inv_area = np.divide(1.0, area, out=np.zeros_like(area), where=counts)
+        self.sizes = np.stack([inv_area, targets.size_weight], axis=1)
+        corners = targets.corners[self._corners]
+        self._rows = Rows(
+            m11=corners[:, 0].copy(),
+            m12=corners[:, 1].copy(),
+            m22=corners[:, 2].copy(),
+            area=area[cells],
+            inv_area=inv_area[cells],
+            size_weight=targets.size_weight[cells],
+            slim=np.zeros(cells.size),
+        )
+
     def wall_off(self, xy: FloatArray) -> None:
         """Put a wall on each cell's shape, a little beyond what it is now."""
-        shape = self.quality(xy).shape
-        slims = np.minimum(shape / 1.2, 1.0 / 1.5)
-        self.slims[:] = slims[self._blocks.cells]
+        slim = 1.0 / np.maximum(SLIMMER * self.worst_shape(xy), LEAST_SLIM)
+        weight = np.where(self.targets.is_layer, LAYER_WEIGHT, 1.0) * self.targets.size_weight
+        cells = self._blocks.cells
+        self._rows = self._rows._replace(slim=slim[cells], size_weight=weight[cells])
+
+    def worst_shape(self, xy: FloatArray) -> FloatArray:
+        """Largest shape energy of each cell's corners towards their targets, (n_cells,)."""
+        from qsmooth.kernels.newton_sweep import worst_shape
+
+        shape = np.empty(self.topology.n_cells)
+        worst_shape(xy, *self.topology.cells, self.targets.corners, shape)
+        return shape
 
     def untangle(self, xy: FloatArray, sizes: FloatArray, epsilon: float) -> None:
         """Sweep once downhill on the regularised energy; sizes are squared lengths, (n,)."""
@@ -108,5 +160,6 @@ class Lanes:
         """Largest badness and mean shape energy of each cell, overwritten by the next call."""
         from qsmooth.kernels.newton_sweep import cell_energy
 
-        cell_energy(xy, *self.topology.cells, self.movable, self._badness, self._shape)
+        cells, corners = self.topology.cells, self.targets.corners
+        cell_energy(xy, *cells, self.movable, corners, self.sizes, self._badness, self._shape)
         return self._badness, self._shape

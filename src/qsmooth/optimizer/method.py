@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -19,9 +19,13 @@ from qsmooth.optimizer.lanes import Lanes
 from qsmooth.optimizer.progress import ROUND, Progress
 from qsmooth.optimizer.stages import improve_mean, mend_worst
 from qsmooth.optimizer.untangling import untangle, with_proof
-from qsmooth.options import option
+from qsmooth.options import opaque, option
 from qsmooth.outcome import Aim, Forbidden, Invalid, Outcome, Stop, Trade
 from qsmooth.result import History, SmoothResult
+from qsmooth.targets import Targets, candidates, ideal, initial
+
+# Squares are taken where the mean shape is better by this factor: ties would hang on last digits.
+CLEARLY = 1.01
 
 
 @dataclass
@@ -139,26 +143,65 @@ class Optimize(_Staged):
     target_quality: float | None = option(
         None, within="(0, 1]", help="Smallest scaled Jacobian at which it may stop."
     )
+    hold: Any = opaque(
+        (),
+        metavar="FIGURES",
+        help="What must not get worse besides the angles and the scaled Jacobian: aspect_ratio, "
+        "shape, min_edge.",
+    )
+    target: Literal["auto", "ideal", "initial"] = option(
+        "auto",
+        help="What cells are meant to be: auto, what the mesh says; ideal, squares and equilateral "
+        "triangles; initial, their own size and ratio with right angles.",
+    )
     mean_loss: float = option(
         0.1, within="[0, 1)", help="Share of the best mean shape that the worst cells may cost."
     )
 
     def stages(self, lanes: Lanes, xy: FloatArray, before: Quality, progress: Progress) -> _Found:
         """Untangle, improve the mean, mend the worst cells; keep the best that was seen."""
-        best = Best(lanes, xy, progress, mean_loss=self.mean_loss, target=self.target_quality)
-        if best.given.n_invalid:
+        if before.n_invalid:
             with progress.stage(Aim.UNTANGLE):
                 untangle(lanes, xy, progress)
-            best.restart(xy, mean_counts=False)
-        if best.given.n_invalid == 0:
-            lanes.hold(xy)
+        if not lanes.quality(xy).n_invalid:
+            lanes.hold(xy, self.hold)
         with progress.stage(Aim.MEAN_SHAPE):
-            improve_mean(lanes, xy, lanes.stars, best, progress, worst=self.worst)
+            best, xy = self._improved(lanes, xy, progress)
         if self.worst and not best.reached_target():
             with progress.stage(Aim.WORST_CELLS):
                 mend_worst(lanes, xy, best, progress)
         best.settle()
-        return _Found(best.xy, best.reached_target(), best.trades, best.forbidden)
+        return _Found(best.xy, best.reached_target(), (), best.forbidden)
+
+    def _improved(
+        self, lanes: Lanes, start: FloatArray, progress: Progress
+    ) -> tuple[Best, FloatArray]:
+        """Improve the mean towards what the mesh is meant to be; where two readings of that differ,
+        the one that comes nearer to squares and equilateral triangles is taken.
+        """
+        runs = []
+        for targets in self._targets(lanes, start):
+            lanes.aim_at(targets)
+            xy = start.copy()
+            best = Best(lanes, xy, progress, mean_loss=self.mean_loss, target=self.target_quality)
+            improve_mean(lanes, xy, lanes.stars, best, progress, worst=self.worst)
+            runs.append((best.figures.plain_shape, targets, best, xy))
+        plain, *others = runs
+        chosen = plain
+        for other in others:
+            if plain[0] <= CLEARLY * other[0]:
+                chosen = other
+        lanes.aim_at(chosen[1])
+        return chosen[2], chosen[3]
+
+    def _targets(self, lanes: Lanes, xy: FloatArray) -> list[Targets]:
+        """What cells may be meant to be: plain first, then learned where that differs."""
+        if self.target == "ideal":
+            return [ideal(lanes.topology)]
+        if self.target == "initial":
+            return [initial(lanes.topology, xy)]
+        plain, learned = candidates(lanes.topology, xy)
+        return [plain] if learned is plain else [plain, learned]
 
     def finished(self, found: _Found, invalid: Invalid | None) -> Stop:
         """Why it stopped where no limit of the caller was reached."""
