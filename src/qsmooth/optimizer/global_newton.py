@@ -84,7 +84,7 @@ class GlobalNewton:
         return 0.0
 
     def _energy(self, xy: FloatArray) -> float:
-        from qsmooth.kernels.newton_sweep import cell_energy
+        from qsmooth.kernels.cell_energy import cell_energy
 
         topology = self.topology
         worst, total = np.empty(topology.n_cells), np.empty(topology.n_cells)

@@ -68,7 +68,7 @@ class Lanes:
         of `HOLDABLE` that are listed. Where only the boundary connects regions of a mesh, each has
         its own worst.
         """
-        from qsmooth.kernels.newton_sweep import corner_extremes
+        from qsmooth.kernels.cell_energy import corner_extremes
 
         extremes = np.empty((self.topology.n_cells, 3))
         corner_extremes(xy, *self.topology.cells, self.movable, extremes)
@@ -128,7 +128,7 @@ class Lanes:
 
     def worst_shape(self, xy: FloatArray) -> FloatArray:
         """Largest shape energy of each cell's corners towards their targets, (n_cells,)."""
-        from qsmooth.kernels.newton_sweep import worst_shape
+        from qsmooth.kernels.cell_energy import worst_shape
 
         shape = np.empty(self.topology.n_cells)
         worst_shape(xy, *self.topology.cells, self.targets.corners, shape)
@@ -158,7 +158,7 @@ class Lanes:
 
     def energy(self, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Largest badness and mean shape energy of each cell, overwritten by the next call."""
-        from qsmooth.kernels.newton_sweep import cell_energy
+        from qsmooth.kernels.cell_energy import cell_energy
 
         cells, corners = self.topology.cells, self.targets.corners
         cell_energy(xy, *cells, self.movable, corners, self.sizes, self._badness, self._shape)
