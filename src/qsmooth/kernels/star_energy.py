@@ -108,9 +108,10 @@ def _size_term(
 ) -> tuple[float, float, float]:
     """Weight · ½ (τ − 1/τ)² with τ = det / area; also its derivatives by det."""
     tau, back = det * inv_area, area * inv
-    off = tau - back
-    slope = weight * (tau - back * back * back) * inv_area
-    return 0.5 * weight * off * off, slope, weight * (1.0 + 3.0 * back**4) * inv_area * inv_area
+    square = back * back
+    slope = weight * (tau - back * square) * inv_area
+    second = weight * (1.0 + 3.0 * square * square) * inv_area * inv_area
+    return 0.5 * weight * (tau - back) * (tau - back), slope, second
 
 
 @lane_helper()
