@@ -6,6 +6,8 @@ import contextlib
 from collections.abc import Callable, Iterator
 from typing import Protocol, TypeAlias
 
+from qsmooth.options import OptionError
+
 # From a first colour up to another, which is left out.
 Colours: TypeAlias = tuple[int, int]
 
@@ -91,7 +93,7 @@ def threads_for(wanted: int | None, n_movable: int) -> Threads:
 
     most = available_threads()
     if wanted is not None and wanted > most:
-        raise ValueError(f"threads must be at most {most} here, got {wanted}")
+        raise OptionError(f"`threads` must be at most {most} here, got {wanted}")
     if wanted is None:
         wanted = most if n_movable >= PARALLEL_FROM else 1
     return Threads(wanted)

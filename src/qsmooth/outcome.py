@@ -53,7 +53,8 @@ class Stage:
         Time it took, callbacks left out.
     gain
         By figure (``min_angle``, ``max_angle``, ``mean_shape``, ``n_invalid``) how much larger it
-        was after the stage than before.
+        was after the stage than before, at the coordinates that it worked on: the result is the
+        best that was seen, which need not be the last.
     """
 
     aim: Aim

@@ -48,7 +48,7 @@ class SweepRecord:
 
 
 class History(tuple[SweepRecord, ...]):
-    """Records of the sweeps in order; ``history["min_angle"]`` is an array, a value a sweep."""
+    """Records of the sweeps in order; ``history["min_angle"]`` is an array, a value a record."""
 
     __slots__ = ()
 
@@ -87,7 +87,8 @@ class SmoothResult:
     before, after
         Quality of the input and of the result.
     seconds
-        Time of the sweeps, without reading, checking and summing up.
+        Time of the sweeps, and of the looks between them by which the optimiser goes on; without
+        callbacks, reading and checking.
     """
 
     mesh: Mesh

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from qsmooth._words import did_you_mean
 from qsmooth.adapters import to_mesh
 from qsmooth.methods.base import Method
 from qsmooth.options import spelled
@@ -86,7 +87,7 @@ def compare(
     mesh
         A `Mesh`, a pair ``(points, cells)``, or a mesh of meshio.
     names
-        Methods, by name or with options; all by default.
+        Methods, by name or with their options; all by default.
     options
         Each goes to the methods given by name that take it: that have it and, where it is a
         choice, that value of it.
@@ -94,7 +95,7 @@ def compare(
     Returns
     -------
     results
-        By the method's name.
+        By the method's name; a second one of that name is "star (2)".
     skipped
         By name, why a method can do nothing with the mesh's cells.
 
@@ -104,31 +105,50 @@ def compare(
         As in `smooth`; an option that none of the methods has is a TypeError.
     """
     mesh = to_mesh(mesh)
-    chosen = configured(methods() if names is None else names, options)
-    skipped = {method.name: spelled(why) for method in chosen if (why := method.why_not(mesh))}
+    chosen = numbered(configured(methods() if names is None else names, options))
+    skipped = {name: spelled(why) for name, m in chosen.items() if (why := m.why_not(mesh))}
     if len(chosen) == 1:
         skipped = {}  # asked for alone it says itself why it can't
-    return {m.name: m.run(mesh) for m in chosen if m.name not in skipped}, skipped
+    return {name: m.run(mesh) for name, m in chosen.items() if name not in skipped}, skipped
 
 
-def configured(names: Iterable[str | Method], options: Mapping[str, Any]) -> list[Method]:
+def numbered(chosen: Iterable[Method]) -> dict[str, Method]:
+    """Name methods; from the second of a name on with a number: "star", "star (2)"."""
+    named: dict[str, Method] = {}
+    for method in chosen:
+        count = 1 + sum(other.name == method.name for other in named.values())
+        named[method.name if count == 1 else f"{method.name} ({count})"] = method
+    return named
+
+
+def configured(
+    names: str | Method | Iterable[str | Method], options: Mapping[str, Any]
+) -> list[Method]:
     """Make methods of names, each with those of the options that it takes.
 
     Raises
     ------
     TypeError
-        If an option belongs to none of them.
+        If an option belongs to none of those given by name.
     OptionError
         If none of them takes its value.
     """
-    given = [name if isinstance(name, Method) else method_class(name) for name in names]
+    each = [names] if isinstance(names, (str, Method)) else names
+    given = [name if isinstance(name, Method) else method_class(name) for name in each]
     classes = [thing for thing in given if isinstance(thing, type)]
+    if not classes:
+        for thing in given:
+            if isinstance(thing, Method):
+                _require_none_beside(thing, options)
     own: dict[str, dict[str, Any]] = {known.name: {} for known in classes}
     for option, value in options.items():
         having = [known for known in classes if option in known.specs()]
         if not having:
             known = ", ".join(c.name for c in classes)
-            raise TypeError(f"no option {option!r} in any of the methods {known}")
+            every = dict.fromkeys(name for c in classes for name in c.specs())
+            raise TypeError(
+                f"no option {option!r} in any of the methods {known}{did_you_mean(option, every)}"
+            )
         for taking in [known for known in having if known.takes(option, value)] or having:
             own[taking.name][option] = value
     return [thing.of(own[thing.name]) if isinstance(thing, type) else thing for thing in given]
@@ -137,12 +157,16 @@ def configured(names: Iterable[str | Method], options: Mapping[str, Any]) -> lis
 def _chosen(method: str | Method, options: dict[str, Any]) -> tuple[Method, str]:
     """Make the method with its options; also why it was chosen, for ``"auto"``."""
     if isinstance(method, Method):
-        if options:
-            raise TypeError(
-                f"options go into {type(method).__name__}(...), not beside it: {', '.join(options)}"
-            )
+        _require_none_beside(method, options)
         return method, ""
     if method != "auto":
         return method_class(method).of(options), ""
     name, why = choose(options)
     return method_class(name).of(options), why
+
+
+def _require_none_beside(method: Method, options: Mapping[str, Any]) -> None:
+    if options:
+        raise TypeError(
+            f"options go into {type(method).__name__}(...), not beside it: {', '.join(options)}"
+        )

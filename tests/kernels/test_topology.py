@@ -137,12 +137,6 @@ def test_boundary_loops(points_and_cells, n_loops, n_pinched):
 
 
 @pytest.mark.nojit
-def test_coincident_points_are_counted():
-    points = np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 0.0), (0.0, 0.0), (1.0, 1.0)])
-    assert topology.find_coincident(np.lexsort(points.T), points) == 2
-
-
-@pytest.mark.nojit
 def test_area_of_each_part_decides_and_then_the_majority():
     # Two parts of unlike sense: a valid mesh.
     square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])

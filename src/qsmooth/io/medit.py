@@ -49,7 +49,6 @@ OTHERS = {
     "VertexOnGeometricEdge": 3,
     "EdgeOnGeometricEdge": 2,
 }
-SINGLE = ("AngleOfCornerBound", "BoundingBox", "Geometry", "MeshVersionUnformatted")
 
 
 def sniff(head: bytes) -> bool:

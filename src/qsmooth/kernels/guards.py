@@ -29,8 +29,6 @@ CLEARANCE_RTOL = 1e-12
 CLEARANCE_ULPS = 16.0
 # A step that fails is halved this often before the vertex stays.
 HALVINGS = 3
-# Steps that keep the star's worst scaled Jacobian above this need no comparison.
-GOOD_ENOUGH = 0.5
 
 # Columns of a guard line: distance of v from it, and the gradient of that distance.
 LINE_DISTANCE, LINE_X, LINE_Y = 0, 1, 2

@@ -382,15 +382,3 @@ def boundary_loops(
                     break
                 k = twins[k]
     return n_loops, degree > 1
-
-
-@kernel()
-def find_coincident(order: IndexArray, points: FloatArray) -> int:
-    """Count the points that lie exactly on an earlier one; `order` sorts them lexicographically."""
-    count = 0
-    for i in range(1, order.size):
-        same = True
-        for d in range(points.shape[1]):
-            same = same and points[order[i], d] == points[order[i - 1], d]
-        count += 1 if same else 0
-    return count

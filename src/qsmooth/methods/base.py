@@ -8,7 +8,7 @@ from typing import Any, ClassVar, TypeAlias
 
 from qsmooth._types import BoolArray
 from qsmooth.mesh import Mesh
-from qsmooth.options import Options, opaque, option
+from qsmooth.options import OptionError, Options, opaque, option
 from qsmooth.result import SmoothResult, SweepRecord
 from qsmooth.selection import parse_selection, select_cells, vertices_of
 
@@ -74,8 +74,17 @@ class Method(Options):
         help="How many threads; the result does not depend on it.",
     )
     callback: Callback | None = opaque(
-        None, flag=None, help="Called after each sweep with its `SweepRecord`."
+        None,
+        flag=None,
+        help="Called after each sweep, of optimize each round of ten, with its `SweepRecord`.",
     )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if isinstance(self.selection, str):
+            parse_selection(self.selection)
+        if self.callback is not None and not callable(self.callback):
+            raise OptionError(f"`callback` must be callable, got {self.callback!r}")
 
     def __init_subclass__(cls, **more: Any) -> None:
         super().__init_subclass__(**more)

@@ -43,7 +43,7 @@ class Progress:
 
     @property
     def seconds(self) -> float:
-        """Time since the start."""
+        """Time since the start, callbacks left out."""
         return time.perf_counter() - self._started
 
     def spent(self) -> bool:
@@ -63,7 +63,9 @@ class Progress:
         """Put a round into the history, and tell the caller."""
         self.history.append(record(now, *moves))
         if self._options.callback is not None:
+            called = time.perf_counter()
             self._options.callback(self.history[-1])
+            self._started += time.perf_counter() - called
 
     @contextmanager
     def stage(self, aim: Aim) -> Iterator[None]:
