@@ -1,90 +1,154 @@
-"""Untangling: sweeps on a regularised energy until every cell is valid."""
+"""Untangling: sweeps on a regularised energy until every cell is valid, near the tangles alone."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
-from qsmooth._types import BoolArray, FloatArray
-from qsmooth.optimizer.lanes import Lanes
+from qsmooth._types import BoolArray, FloatArray, IndexArray
+from qsmooth.metrics.impossible import Impossible, impossible
+from qsmooth.optimizer.ground import Ground
+from qsmooth.optimizer.islands import Islands, Task
 from qsmooth.optimizer.progress import ROUND, Progress
 from qsmooth.outcome import Invalid
 from qsmooth.topology import Topology
 
-# Sweeps without any progress after which untangling gives up.
-PATIENCE = 400
+# Edges from an invalid cell to the farthest vertex that may move at first; doubled where that is
+# not enough. Where so large a share of all that is movable would move, all of it may.
+RINGS = 2
+MOST_LOCAL = 0.25
+# Sweeps without any progress after which untangling gives up, near tangles and on the whole mesh;
+# and the most sweeps near tangles with the same rings, for each ring: a change has to come and go.
+LOCAL_PATIENCE, PATIENCE = 20, 400
+MOST_SWEEPS = 40
 # Sweeps of the logarithmic mean that makes the local size smooth.
 SIZE_RINGS = 3
-# Square of the regularisation at a valid corner: it is lowered by the factor, down to the least,
-# each time that no more is gained.
-FLOOR, FLOOR_FACTOR, LEAST_FLOOR = 1e-4, 0.01, 1e-9
-# The square grows by this times that of the smallest determinant, where that is negative.
-PER_DETERMINANT = 0.04
-# The smallest determinant has grown when it did by this fraction of itself.
-LEAST_PROGRESS = 1e-3
+# Rounds of looking for places that mend more cells, where sweeps are stuck, and rounds of these
+# without gain after which it is given up.
+MENDING_ROUNDS, MENDING_PATIENCE = 60, 8
 
 
-def untangle(lanes: Lanes, xy: FloatArray, progress: Progress) -> None:
+def untangle(ground: Ground, xy: FloatArray, progress: Progress) -> None:
     """Sweep until every cell is valid; else leave the coordinates with the fewest invalid cells.
 
-    A round that is over in between is noted, and what it comes to in the end.
+    A round that is over in between is noted, and what it comes to in the end. Vertices far from
+    invalid cells move only where moving the near ones is not enough.
 
     Parameters
     ----------
-    lanes, progress
-        The sweeps, and what counts them.
+    ground, progress
+        What may move, and what counts the sweeps.
     xy : (n, 2)
         Changed in place.
     """
-    from qsmooth.kernels.untangle_sweep import smallest_determinant
-
-    cells = lanes.topology.cells
-    sizes = local_sizes(lanes.topology, xy)
-    smallest = np.empty(lanes.topology.n_cells)
-    best_count, best_xy = lanes.quality(xy).n_invalid, xy.copy()
-    n_hopeless, n_before = int(hopeless_cells(lanes, xy).sum()), progress.sweeps
-    floor, least, patience = FLOOR, -np.inf, PATIENCE
-    while best_count > n_hopeless and not progress.spent():
-        smallest_determinant(xy, *cells, sizes, smallest)
-        worst = float(smallest.min())
-        if worst > least + LEAST_PROGRESS * abs(least):
-            least, patience = worst, PATIENCE
-        elif patience == 0 and floor > LEAST_FLOOR:
-            floor, least, patience = FLOOR_FACTOR * floor, worst, PATIENCE
-        elif patience == 0:
-            break
-        patience -= 1
-        epsilon = float(np.sqrt(floor + PER_DETERMINANT * min(0.0, worst) ** 2))
-        lanes.untangle(xy, sizes, epsilon)
-        progress.sweeps += 1
-        if progress.sweeps % ROUND == 0:
-            lanes.report(xy, lanes.quality(xy), progress)
-        if worst > 0.0 or progress.sweeps % ROUND == 0 or (smallest <= 0.0).sum() < best_count:
-            count = lanes.quality(xy).n_invalid
-            if count < best_count:
-                best_count, best_xy[:] = count, xy
-    xy[:] = best_xy
-    if progress.sweeps > n_before:
-        lanes.report(xy, lanes.quality(xy), progress)
+    tangle = _Tangle(ground, xy, progress)
+    tangle.sweep_and_grow()
+    while tangle.stuck() and tangle.mend_more():
+        tangle.sweep_and_grow()
+    tangle.place_doublets()
 
 
-def with_proof(invalid: Invalid | None, lanes: Lanes, xy: FloatArray) -> Invalid | None:
+class _Tangle:
+    """The invalid cells of a mesh, and what can be done about them.
+
+    Parameters
+    ----------
+    ground, xy, progress
+        As in `untangle`.
+    """
+
+    def __init__(self, ground: Ground, xy: FloatArray, progress: Progress) -> None:
+        self.ground, self.xy, self.progress = ground, xy, progress
+        self.topology = ground.topology
+        self.proof: Impossible = impossible(self.topology, xy, ground.movable)
+        self.every_cell = np.arange(self.topology.n_cells)
+        self.n_movable = int(ground.movable.sum())
+
+    @cached_property
+    def task(self) -> Task:
+        """What is untangled; the local sizes are those of the mesh as it is when first wanted."""
+        sizes = local_sizes(self.topology, self.xy)
+        return Task(self.ground, self.progress, self.xy, self.proof.closed, sizes)
+
+    def bad(self) -> IndexArray:
+        """List the cells that are not valid and yet could be."""
+        from qsmooth.kernels.tangles import bad_cells
+
+        marked = np.empty(self.topology.n_cells, np.bool_)
+        bad_cells(self.xy, *self.topology.cells, self.proof.closed, self.every_cell, marked)
+        return np.flatnonzero(marked)
+
+    def stuck(self) -> bool:
+        """Whether there are such cells, and sweeps are left."""
+        return bool(self.bad().size) and not self.progress.spent()
+
+    def near(self, cells: IndexArray, rings: int) -> BoolArray:
+        """Mark the movable vertices within so many edges of the cells, (n_vertices,)."""
+        from qsmooth.kernels.tangles import grow
+
+        marked = np.zeros(self.topology.n_vertices, np.bool_)
+        offsets, vertices = self.topology.cells
+        for corner in range(4):
+            at = offsets[cells] + corner
+            marked[vertices[at[at < offsets[cells + 1]]]] = True
+        grow(marked, rings, *self.topology.rings)
+        return marked & self.ground.movable
+
+    def sweep_and_grow(self) -> None:
+        """Sweep near the invalid cells; where they stay, farther and farther around these."""
+        rings, whole = RINGS, False
+        while not whole and (bad := self.bad()).size and not self.progress.spent():
+            near = self.near(bad, rings)
+            whole = int(near.sum()) > MOST_LOCAL * self.n_movable
+            vertices, patience = (self.ground.movable, PATIENCE) if whole else (near, LOCAL_PATIENCE)
+            islands = Islands(self.task, vertices, patience)
+            islands.sweep(None if whole else MOST_SWEEPS * rings)
+            rings *= 2
+
+    def mend_more(self) -> bool:
+        """Look for places that mend more cells, one vertex at a time; say whether there were."""
+        bad = self.bad()
+        fewest, best, patience = bad.size, self.xy.copy(), MENDING_PATIENCE
+        lanes = self.ground.lanes_of(self.near(bad, RINGS))
+        for _ in range(MENDING_ROUNDS):
+            if not (patience and fewest) or self.progress.spent():
+                break
+            lanes.mend_more(self.xy, self.proof.closed, self.progress)
+            if self.progress.sweeps % ROUND == 0:
+                lanes.report(self.xy, lanes.quality(self.xy), self.progress)
+            count = self.bad().size
+            patience -= 1
+            if count < fewest:
+                fewest, patience = count, MENDING_PATIENCE
+                best[:] = self.xy
+        self.xy[:] = best
+        lanes.report(self.xy, lanes.quality(self.xy), self.progress)
+        return fewest < bad.size
+
+    def place_doublets(self) -> None:
+        """Bring the largest angle of doublets as near to 180 degrees as it goes."""
+        doublets = self.proof.doublets & self.ground.movable
+        if not doublets.any() or self.progress.spent():
+            return
+        lanes = self.ground.lanes_of(doublets)
+        lanes.place_doublets(self.xy, self.progress)
+        lanes.report(self.xy, lanes.quality(self.xy), self.progress)
+
+
+def with_proof(invalid: Invalid | None, ground: Ground, xy: FloatArray) -> Invalid | None:
     """Say for which of the cells that stay invalid it is proven that they must."""
     if invalid is None or not invalid.after:
         return invalid
-    hopeless = hopeless_cells(lanes, xy)
-    proven = int(hopeless.sum())
-    return replace(invalid, proven=proven, first_proven=int(np.argmax(hopeless)) if proven else -1)
-
-
-def hopeless_cells(lanes: Lanes, xy: FloatArray) -> BoolArray:
-    """Mark the cells that no move can make valid, (n_cells,)."""
-    from qsmooth.kernels import untangle_sweep as kernels
-
-    hopeless = np.empty(lanes.topology.n_cells, np.bool_)
-    kernels.hopeless_cells(xy, *lanes.topology.cells, lanes.movable, hopeless)
-    return hopeless
+    proof = impossible(ground.topology, xy, ground.movable)
+    proven = int(proof.cells.sum())
+    return replace(
+        invalid,
+        proven=proven,
+        first_proven=int(np.argmax(proof.cells)) if proven else -1,
+        proven_doublets=int(proof.by_doublet.sum()),
+    )
 
 
 def local_sizes(topology: Topology, xy: FloatArray) -> FloatArray:
