@@ -101,8 +101,7 @@ class Islands:
             active &= self._has_patience()
             if not active.any():
                 break
-            self._soften()
-            self._lanes.untangle(xy, self._soft, 1.0)
+            self._lanes.untangle(xy, *self._softness())
             progress.sweeps += 1
             self._determinants()
             if progress.sweeps % ROUND == 0:
@@ -112,6 +111,35 @@ class Islands:
         xy[self._vertices] = self._best_xy
         if progress.sweeps > before:
             self._lanes.report(xy, self._lanes.quality(xy), progress)
+
+    def mend_more(self, rounds: int, patience: int, *, wholly: bool) -> bool:
+        """Look for places that mend more cells, one vertex at a time; say whether there were.
+
+        Parameters
+        ----------
+        rounds, patience
+            How often each vertex is moved at most, and without gain.
+        wholly
+            Whether only islands that are left without any bad cell may keep what was gained.
+        """
+        xy, progress = self._task.xy, self._task.progress
+        first, given, waited = self._best.copy(), self._best_xy.copy(), 0
+        for _ in range(rounds):
+            if waited == patience or not self._best.any() or progress.spent():
+                break
+            before = self._best.sum()
+            self._lanes.mend_more(xy, self._task.closed, progress)
+            if progress.sweeps % ROUND == 0:
+                self._lanes.report(xy, self._lanes.quality(xy), progress)
+            self._keep_best(surely=True)
+            waited = 0 if self._best.sum() < before else waited + 1
+        if wholly:
+            back = (self._best > 0)[self._island_of_vertex]
+            self._best_xy[back] = given[back]
+            self._best[self._best > 0] = first[self._best > 0]
+        xy[self._vertices] = self._best_xy
+        self._lanes.report(xy, self._lanes.quality(xy), progress)
+        return bool((self._best < first).any())
 
     def _put_in_lanes(self, vertices: BoolArray) -> None:
         """List the vertices, and their cells island by island."""
@@ -153,11 +181,14 @@ class Islands:
         self._patience[~over | lower] -= 1
         return ~over | lower
 
-    def _soften(self) -> None:
-        """Work out each vertex's regularisation ε r."""
+    def _softness(self) -> tuple[FloatArray, float]:
+        """Work out each vertex's regularisation ε r: as an array, and a number to multiply."""
         epsilon = np.sqrt(self._floor + PER_DETERMINANT * np.minimum(0.0, self._worst) ** 2)
+        if epsilon.size == 1:
+            return self._task.sizes, float(epsilon[0])
         sizes = self._task.sizes[self._vertices]
         self._soft[self._vertices] = epsilon[self._island_of_vertex] * sizes
+        return self._soft, 1.0
 
     def _keep_best(self, surely: bool) -> None:
         """Keep the coordinates of islands with fewer bad cells than ever.

@@ -16,18 +16,19 @@ from qsmooth.outcome import Invalid
 from qsmooth.topology import Topology
 
 # Edges from an invalid cell to the farthest vertex that may move at first; doubled where that is
-# not enough. Where so large a share of all that is movable would move, all of it may.
+# not enough. Where a larger share than these of all that is movable would move, at first and then,
+# all of it may.
 RINGS = 2
-MOST_LOCAL = 0.25
+MOST_LOCAL, MOST_GROWN = 0.25, 0.1
 # Sweeps without any progress after which untangling gives up, near tangles and on the whole mesh;
-# and the most sweeps near tangles with the same rings, for each ring: a change has to come and go.
-LOCAL_PATIENCE, PATIENCE = 20, 400
+# and the most sweeps near tangles, for each ring: the farther a change goes the longer it takes.
+WAIT, PATIENCE = 20, 400
 MOST_SWEEPS = 40
 # Sweeps of the logarithmic mean that makes the local size smooth.
 SIZE_RINGS = 3
-# Rounds of looking for places that mend more cells, where sweeps are stuck, and rounds of these
-# without gain after which it is given up.
-MENDING_ROUNDS, MENDING_PATIENCE = 60, 8
+# Rounds of looking for places that mend more cells, and rounds of these without gain after which
+# it is given up: where sweeps near tangles are stuck, and where those on the whole mesh are.
+LOCAL_MENDING, MENDING = (10, 3), (60, 8)
 
 
 def untangle(ground: Ground, xy: FloatArray, progress: Progress) -> None:
@@ -99,33 +100,20 @@ class _Tangle:
     def sweep_and_grow(self) -> None:
         """Sweep near the invalid cells; where they stay, farther and farther around these."""
         rings, whole = RINGS, False
-        while not whole and (bad := self.bad()).size and not self.progress.spent():
-            near = self.near(bad, rings)
-            whole = int(near.sum()) > MOST_LOCAL * self.n_movable
-            vertices, patience = (self.ground.movable, PATIENCE) if whole else (near, LOCAL_PATIENCE)
-            islands = Islands(self.task, vertices, patience)
+        while not whole and self.stuck():
+            near, movable = self.near(self.bad(), rings), self.ground.movable
+            share = MOST_LOCAL if rings == RINGS else MOST_GROWN
+            whole = int(near.sum()) > share * self.n_movable
+            islands = Islands(self.task, movable if whole else near, PATIENCE if whole else WAIT)
             islands.sweep(None if whole else MOST_SWEEPS * rings)
+            if rings == RINGS and not whole and self.stuck():
+                islands.mend_more(*LOCAL_MENDING, wholly=True)
             rings *= 2
 
     def mend_more(self) -> bool:
-        """Look for places that mend more cells, one vertex at a time; say whether there were."""
-        bad = self.bad()
-        fewest, best, patience = bad.size, self.xy.copy(), MENDING_PATIENCE
-        lanes = self.ground.lanes_of(self.near(bad, RINGS))
-        for _ in range(MENDING_ROUNDS):
-            if not (patience and fewest) or self.progress.spent():
-                break
-            lanes.mend_more(self.xy, self.proof.closed, self.progress)
-            if self.progress.sweeps % ROUND == 0:
-                lanes.report(self.xy, lanes.quality(self.xy), self.progress)
-            count = self.bad().size
-            patience -= 1
-            if count < fewest:
-                fewest, patience = count, MENDING_PATIENCE
-                best[:] = self.xy
-        self.xy[:] = best
-        lanes.report(self.xy, lanes.quality(self.xy), self.progress)
-        return fewest < bad.size
+        """Look for places that mend more cells where no sweep does; say whether there were."""
+        islands = Islands(self.task, self.near(self.bad(), RINGS), 0)
+        return islands.mend_more(*MENDING, wholly=False)
 
     def place_doublets(self) -> None:
         """Bring the largest angle of doublets as near to 180 degrees as it goes."""
