@@ -98,16 +98,22 @@ class _Tangle:
         return marked & self.ground.movable
 
     def sweep_and_grow(self) -> None:
-        """Sweep near the invalid cells; where they stay, farther and farther around these."""
-        rings, whole = RINGS, False
+        """Mend or sweep near the invalid cells; where they stay, farther and farther around.
+
+        Mending moves the fewest vertices, and keeps stretched cells stretched: it comes first, for
+        islands that it can clear.
+        """
+        rings, whole, mend = RINGS, False, True
         while not whole and self.stuck():
             near, movable = self.near(self.bad(), rings), self.ground.movable
             share = MOST_LOCAL if rings == RINGS else MOST_GROWN
             whole = int(near.sum()) > share * self.n_movable
             islands = Islands(self.task, movable if whole else near, PATIENCE if whole else WAIT)
-            islands.sweep(None if whole else MOST_SWEEPS * rings)
-            if rings == RINGS and not whole and self.stuck():
+            if mend and not whole:
                 islands.mend_more(*LOCAL_MENDING, wholly=True)
+                mend = False
+                continue
+            islands.sweep(None if whole else MOST_SWEEPS * rings)
             rings *= 2
 
     def mend_more(self) -> bool:
