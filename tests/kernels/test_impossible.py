@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-import reference
 from meshes import KINDS, grid, tangle
 from promises import hopeless_cells, invalid_cells
 from qsmooth import Mesh, quality
@@ -80,9 +79,7 @@ def test_cells_of_two_doublets_count_once():
     # A vertex more in the second of the two cells: three cells in a row, of which one is shared.
     points, (quads,) = grid(2, 2)
     cut = [(0, 1, 4, 9), (0, 9, 4, 10), (0, 10, 4, 3)]
-    mesh = Mesh(
-        [*points, (0.6, 0.4), (0.4, 0.6)], [np.array([*cut, *quads[1:].tolist()])]
-    )
+    mesh = Mesh([*points, (0.6, 0.4), (0.4, 0.6)], [np.array([*cut, *quads[1:].tolist()])])
     proof = prove(mesh.topology, mesh.xy, ~mesh.is_fixed)
     assert np.flatnonzero(proof.doublets).tolist() == [9, 10]
     assert proof.cells.sum() == 1

@@ -178,8 +178,9 @@ class Islands:
         self._floor[lower] *= FLOOR_FACTOR
         renewed = grew | lower
         least[renewed], self._patience[renewed] = worst[renewed], self._most_patience
-        self._patience[~over | lower] -= 1
-        return ~over | lower
+        has: BoolArray = ~over | lower
+        self._patience[has] -= 1
+        return has
 
     def _softness(self) -> tuple[FloatArray, float]:
         """Work out each vertex's regularisation ε r: as an array, and a number to multiply."""

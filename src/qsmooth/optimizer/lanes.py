@@ -113,9 +113,7 @@ class Lanes:
         topology, lengths = self.topology, self._moves.lengths
         stars = topology.star_offsets, topology.star_cells, topology.star_corners
         listed = self._blocks.vertices.astype(np.int64)
-        self._engine.run(
-            lambda _: place_doublets(xy, listed, *stars, *topology.cells, lengths), 1
-        )
+        self._engine.run(lambda _: place_doublets(xy, listed, *stars, *topology.cells, lengths), 1)
         progress.sweeps += 1
 
     def report(self, xy: FloatArray, now: Quality, progress: Progress) -> None:

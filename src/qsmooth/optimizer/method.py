@@ -46,7 +46,10 @@ class _Staged(Method):
         before = quality(mesh)
         summary = before.summary()
         only, _ = self.selected(mesh)
-        n_movable = int((mesh.topology.movable(self.keep_interfaces) & (True if only is None else only)).sum())
+        movable = mesh.topology.movable(self.keep_interfaces)
+        if only is not None:
+            movable &= only
+        n_movable = int(movable.sum())
         progress = Progress(self, summary)
         result, found, invalid = mesh, _Found(mesh.xy), invalid_cells(before, before)
         if n_movable:
@@ -55,7 +58,8 @@ class _Staged(Method):
             with engine.running():
                 found = self.stages(ground, mesh.xy.copy(), before, progress)
                 result = stored(mesh, found.xy)
-                invalid = with_proof(invalid_cells(before, quality(result)), ground, result.xy)
+                invalid = invalid_cells(before, quality(result))
+        invalid = with_proof(invalid, mesh.topology, result.xy, movable)
         bounds = self.bounds(result) if n_movable else None
         seconds = progress.seconds
         stop = progress.stop or self.finished(found, invalid)

@@ -11,7 +11,7 @@ from qsmooth._types import BoolArray, FloatArray, IndexArray
 from qsmooth.metrics.impossible import Impossible, impossible
 from qsmooth.optimizer.ground import Ground
 from qsmooth.optimizer.islands import Islands, Task
-from qsmooth.optimizer.progress import ROUND, Progress
+from qsmooth.optimizer.progress import Progress
 from qsmooth.outcome import Invalid
 from qsmooth.topology import Topology
 
@@ -131,11 +131,13 @@ class _Tangle:
         lanes.report(self.xy, lanes.quality(self.xy), self.progress)
 
 
-def with_proof(invalid: Invalid | None, ground: Ground, xy: FloatArray) -> Invalid | None:
+def with_proof(
+    invalid: Invalid | None, topology: Topology, xy: FloatArray, movable: BoolArray
+) -> Invalid | None:
     """Say for which of the cells that stay invalid it is proven that they must."""
     if invalid is None or not invalid.after:
         return invalid
-    proof = impossible(ground.topology, xy, ground.movable)
+    proof = impossible(topology, xy, movable)
     proven = int(proof.cells.sum())
     return replace(
         invalid,
