@@ -171,13 +171,30 @@ def invalid_cells(mesh):
 
 
 def hopeless_cells(mesh, movable):
-    """Mark the cells with a corner that is not convex and whose three vertices all stay."""
-    stays, signs = ~movable[mesh.cell_vertices], corner_signs(mesh)
-    hopeless = []
-    for first, last in zip(mesh.cell_offsets[:-1], mesh.cell_offsets[1:], strict=True):
-        rest, bad = stays[first:last], signs[first:last] <= 0
-        hopeless.append((bad & rest & np.roll(rest, 1) & np.roll(rest, -1)).any())
-    return np.array(hopeless)
+    """Mark the cells that no placement of the movable vertices makes valid, as far as is seen.
+
+    They have a corner that is not convex and whose three vertices all stay, or two vertices of a
+    corner that stay at one place. Of the two cells of an interior vertex that has no others one is
+    marked, if neither counts already.
+    """
+    hopeless, cells = np.zeros(mesh.n_cells, np.bool_), reference.as_lists(mesh)
+    points = [tuple(p) for p in mesh.xy.tolist()]
+    bad = {(v, c): False for c, cell in enumerate(cells) for v in cell}
+    places = reference.as_complex(mesh.xy)
+    for c, cell in enumerate(cells):
+        for v, after, before in reference.corners(cell):
+            bad[v, c] = reference.sign(*(places[w] for w in (v, after, before))) <= 0
+            stay = [w for w in (v, after, before) if not movable[w]]
+            one_place = len({points[w] for w in stay}) < len(stay)
+            hopeless[c] |= one_place or (len(stay) == 3 and bad[v, c])
+    taken, stars = set(np.flatnonzero(hopeless).tolist()), {}
+    for v, c in sorted(bad):
+        stars.setdefault(v, []).append(c)
+    for v, star in stars.items():
+        if len(star) == 2 and not mesh.is_boundary[v] and not taken & set(star):
+            taken |= set(star)
+            hopeless[next(c for c in star if bad[v, c])] = True
+    return hopeless
 
 
 def free_jacobian(mesh, movable):

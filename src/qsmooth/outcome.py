@@ -93,8 +93,11 @@ class Invalid:
     first
         The first that is, -1 where there is none.
     proven, first_proven
-        Of those that are, how many no method can mend, as the three vertices of a corner that is
-        not convex are all fixed; and the first of these, -1 where there is none.
+        Of those that are, how many no method can mend; and the first of these, -1 where there is
+        none. Either what is fixed keeps a corner from being convex, or it is a doublet's.
+    proven_doublets
+        Of those proven, how many are one of the two cells of an interior vertex that has no more:
+        their angles there add up to 360 degrees.
     """
 
     before: int
@@ -102,6 +105,7 @@ class Invalid:
     first: int = -1
     proven: int = 0
     first_proven: int = -1
+    proven_doublets: int = 0
 
 
 @dataclass(frozen=True, kw_only=True)

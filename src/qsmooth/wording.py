@@ -147,10 +147,18 @@ def _stays_invalid(invalid: Invalid) -> str:
         f"{'stays' if invalid.after == 1 else 'stay'} invalid, the first is cell {invalid.first}"
     )
     if invalid.proven:
-        text += (
-            f"; for {invalid.proven} of them nothing can help, as the vertices of a corner that "
-            f"is not convex are all fixed (the first is cell {invalid.first_proven})"
-        )
+        reasons = []
+        if fixed := invalid.proven - invalid.proven_doublets:
+            reasons.append(
+                f"for {fixed} of them nothing can help, as what is fixed keeps a corner from being "
+                "convex"
+            )
+        if invalid.proven_doublets:
+            reasons.append(
+                f"for {invalid.proven_doublets} of them nothing can help, as an interior vertex "
+                "has no other cell than two, and one of these has 180 degrees or more there"
+            )
+        text += f"; {'; '.join(reasons)} (the first is cell {invalid.first_proven})"
     if open_ := invalid.after - invalid.proven:
         text += f"; for {open_} no way was found, which does not prove that there is none"
     return text

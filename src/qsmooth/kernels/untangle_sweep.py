@@ -26,7 +26,7 @@ from qsmooth.kernels.corner_energy import (
     half_square,
     square_numerator,
 )
-from qsmooth.kernels.geometry import distance, orientation
+from qsmooth.kernels.geometry import distance
 from qsmooth.kernels.lanes import (
     FRACTIONS,
     N_ROWS,
@@ -203,18 +203,22 @@ def untangle_sweep(
 @parallel_kernel()
 def smallest_determinant(
     xy: FloatArray, cell_offsets: IndexArray, cell_vertices: IndexArray, sizes: FloatArray,
-    out: FloatArray,
+    closed: BoolArray, cells: IndexArray, out: FloatArray,
 ) -> None:  # fmt: skip
-    """Find each cell's smallest corner determinant over the local squared size r.
+    """Find each listed cell's smallest corner determinant over the local squared size r.
 
     Parameters
     ----------
     sizes : (n_vertices,)
         Local mean squared edge length.
-    out : (n_cells,)
-        Overwritten; dimensionless, negative where a corner is inverted.
+    closed : (n_corners,)
+        Corners that do not count.
+    cells, out : (n_listed,)
+        `out` is overwritten; dimensionless, negative where a corner is inverted, infinite where
+        none counts.
     """
-    for c in prange(out.size):
+    for i in prange(cells.size):
+        c = cells[i]
         first, last = cell_offsets[c], cell_offsets[c + 1]
         worst = np.inf
         d = cell_vertices[last - 1]
@@ -223,9 +227,10 @@ def smallest_determinant(
             b = cell_vertices[k + 1] if k + 1 < last else cell_vertices[first]
             ux, uy = xy[b, 0] - xy[a, 0], xy[b, 1] - xy[a, 1]
             wx, wy = xy[d, 0] - xy[a, 0], xy[d, 1] - xy[a, 1]
-            worst = min(worst, (ux * wy - uy * wx) / sizes[a])
+            if not closed[k]:
+                worst = min(worst, (ux * wy - uy * wx) / sizes[a])
             d = a
-        out[c] = worst
+        out[i] = worst
 
 
 @parallel_kernel()
@@ -264,31 +269,6 @@ def mean_squared_edge(
             dx, dy = xy[w, 0] - xy[v, 0], xy[w, 1] - xy[v, 1]
             total += dx * dx + dy * dy
         out[v] = total / (last - first) if last > first else 0.0
-
-
-@parallel_kernel()
-def hopeless_cells(
-    xy: FloatArray, cell_offsets: IndexArray, cell_vertices: IndexArray, movable: BoolArray,
-    out: BoolArray,
-) -> None:  # fmt: skip
-    """Mark cells with a corner that is not positive and whose three vertices can't move.
-
-    Parameters
-    ----------
-    out : (n_cells,)
-        Overwritten.
-    """
-    for c in prange(out.size):
-        first, last = cell_offsets[c], cell_offsets[c + 1]
-        out[c] = False
-        d = cell_vertices[last - 1]
-        for k in range(first, last):
-            a = cell_vertices[k]
-            b = cell_vertices[k + 1] if k + 1 < last else cell_vertices[first]
-            if not (movable[a] or movable[b] or movable[d]):
-                turn = orientation(xy[d, 0], xy[d, 1], xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1])
-                out[c] = out[c] or turn <= 0
-            d = a
 
 
 @parallel_kernel()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from qsmooth._types import FloatArray
+from qsmooth._types import BoolArray, FloatArray
 from qsmooth.engine import Engine
 from qsmooth.kernels.stars import Moves, Rings, Stars
 from qsmooth.metrics import Quality
@@ -145,6 +145,28 @@ class Lanes:
             ),
             self._n_colours,
         )
+
+    def mend_more(self, xy: FloatArray, closed: BoolArray, progress: Progress) -> None:
+        """Move each vertex to where more of its cells are good; closed corners don't count."""
+        from qsmooth.kernels.tangles import mend_more
+
+        topology, lengths = self.topology, self._moves.lengths
+        stars = topology.star_offsets, topology.star_cells, topology.star_corners
+        listed = self._blocks.vertices.astype(np.int64)
+        self._engine.run(
+            lambda _: mend_more(xy, (*stars, *topology.cells), closed, listed, lengths), 1
+        )
+        progress.sweeps += 1
+
+    def place_doublets(self, xy: FloatArray, progress: Progress) -> None:
+        """Put each vertex, all of them doublets, where the largest angle at it is least."""
+        from qsmooth.kernels.impossible import place_doublets
+
+        topology, lengths = self.topology, self._moves.lengths
+        stars = topology.star_offsets, topology.star_cells, topology.star_corners
+        listed = self._blocks.vertices.astype(np.int64)
+        self._engine.run(lambda _: place_doublets(xy, listed, *stars, *topology.cells, lengths), 1)
+        progress.sweeps += 1
 
     def report(self, xy: FloatArray, now: Quality, progress: Progress) -> None:
         """Note the last sweep in the history."""

@@ -15,7 +15,7 @@ from qsmooth.methods.base import Method
 from qsmooth.methods.driver import invalid_cells, stored
 from qsmooth.metrics import Quality, limits, quality
 from qsmooth.optimizer.best import Best
-from qsmooth.optimizer.lanes import Lanes
+from qsmooth.optimizer.ground import Ground
 from qsmooth.optimizer.progress import ROUND, Progress
 from qsmooth.optimizer.stages import improve_mean, mend_worst
 from qsmooth.optimizer.untangling import untangle, with_proof
@@ -50,20 +50,24 @@ class _Staged(Method):
         before = quality(mesh)
         summary = before.summary()
         only, _ = self.selected(mesh)
-        stars = mesh.topology.schedule(self.keep_interfaces, only)
+        movable = mesh.topology.movable(self.keep_interfaces)
+        if only is not None:
+            movable &= only
+        n_movable = int(movable.sum())
         progress = Progress(self, summary)
         result, found, invalid = mesh, _Found(mesh.xy), invalid_cells(before, before)
-        if stars.vertices.size:
-            engine = threads_for(self.threads, stars.vertices.size)
+        if n_movable:
+            engine = threads_for(self.threads, n_movable)
+            ground = Ground(mesh.topology, self.keep_interfaces, only, engine)
             with engine.running():
-                lanes = Lanes(mesh.topology, stars, engine)
-                found = self.stages(lanes, mesh.xy.copy(), before, progress)
+                found = self.stages(ground, mesh.xy.copy(), before, progress)
                 result = stored(mesh, found.xy)
-                invalid = with_proof(invalid_cells(before, quality(result)), lanes, result.xy)
-        bounds = self.bounds(result) if stars.vertices.size else None
+                invalid = invalid_cells(before, quality(result))
+        invalid = with_proof(invalid, mesh.topology, result.xy, movable)
+        bounds = self.bounds(result) if n_movable else None
         seconds = progress.seconds
         stop = progress.stop or self.finished(found, invalid)
-        if not stars.vertices.size:
+        if not n_movable:
             stop = Stop.NOTHING_MOVES
         after = quality(result)
         return SmoothResult(
@@ -94,7 +98,7 @@ class _Staged(Method):
         value = getattr(self, stop.value, None)
         return math.nan if value is None else float(value)
 
-    def stages(self, lanes: Lanes, xy: FloatArray, before: Quality, progress: Progress) -> _Found:
+    def stages(self, ground: Ground, xy: FloatArray, before: Quality, progress: Progress) -> _Found:
         """Run the stages; `xy` may be changed."""
         raise NotImplementedError
 
@@ -158,11 +162,12 @@ class Optimize(_Staged):
         0.1, within="[0, 1)", help="Share of the best mean shape that the worst cells may cost."
     )
 
-    def stages(self, lanes: Lanes, xy: FloatArray, before: Quality, progress: Progress) -> _Found:
+    def stages(self, ground: Ground, xy: FloatArray, before: Quality, progress: Progress) -> _Found:
         """Untangle, improve the mean, mend the worst cells; keep the best that was seen."""
+        lanes = ground.lanes
         if before.n_invalid:
             with progress.stage(Aim.UNTANGLE):
-                untangle(lanes, xy, progress)
+                untangle(ground, xy, progress)
         if not lanes.quality(xy).n_invalid:
             lanes.hold(xy, self.hold)
         with progress.stage(Aim.MEAN_SHAPE):
@@ -234,11 +239,11 @@ class Untangle(_Staged):
 
     max_sweeps: int = option(20_000, within="[0, inf)", flag="sweeps", help="Sweeps at most.")
 
-    def stages(self, lanes: Lanes, xy: FloatArray, before: Quality, progress: Progress) -> _Found:
+    def stages(self, ground: Ground, xy: FloatArray, before: Quality, progress: Progress) -> _Found:
         """Untangle, unless the mesh is valid."""
         if before.n_invalid:
             with progress.stage(Aim.UNTANGLE):
-                untangle(lanes, xy, progress)
+                untangle(ground, xy, progress)
         return _Found(xy)
 
     def finished(self, found: _Found, invalid: Invalid | None) -> Stop:
