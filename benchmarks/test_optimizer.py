@@ -195,9 +195,7 @@ class Case:
                 untangle_sweep(xy, self.blocks, self.all, *rest)
             else:
                 wall = Wall(WEIGHT, THRESHOLD, SQUARINGS)
-                newton_sweep(
-                    xy, self.blocks, self.all, 1.7, wall, self.held, self.rows, self.moves
-                )
+                newton_sweep(xy, self.blocks, self.all, 1.7, wall, self.held, self.rows, self.moves)
         return xy
 
     def plainly(self):

@@ -383,8 +383,8 @@ def gradient_and_hessian(points, cells, unknowns, asked=None):
             to = np.zeros((4, 6))
             to[:2, :2], to[:2, 2:4] = -np.eye(2), np.eye(2)
             to[2:, :2], to[2:, 4:] = -np.eye(2), np.eye(2)
-            m11, m12, m22 = own.targets[v]
-            # |p|² = m22, p·q = -m12, |q|² = m11 at the scale where det(p, q) = 1.
+            _, m12, m22 = own.targets[v]
+            # |p|² = m22 and p·q = -m12 at the scale where det(p, q) = 1.
             first = to[:2] / math.sqrt(m22)
             to = np.concatenate([first, math.sqrt(m22) * (to[2:] + (m12 / m22) * to[:2])])
             at = np.array([[points[w].real, points[w].imag] for w in (v, b, d)])

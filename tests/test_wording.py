@@ -70,9 +70,9 @@ UNTANGLED = Outcome(
             "then the worst cells in 1 sweep",
         ),
         (
-            replace(STAGED, stop=Stop.TARGET_QUALITY, stop_at=0.6, stages=STAGED.stages[:1]),
+            replace(STAGED, stop=Stop.STOP_QUALITY, stop_at=0.6, stages=STAGED.stages[:1]),
             "improved the mean shape in 20 sweeps and 1 Newton step on the whole mesh; "
-            "the worst cell reached target_quality=0.6",
+            "the worst cell reached stop_quality=0.6",
         ),
         (UNTANGLED, "untangled 4 cells in 3 sweeps"),
         (

@@ -245,6 +245,45 @@ def from_metric(mesh: Mesh, metric: Metric, xy: FloatArray | None = None) -> Tar
     )
 
 
+def with_sizes(targets: Targets, topology: Topology, xy: FloatArray, weight: float) -> Targets:
+    """Ask for a size of every cell: that of the targets, else its own, averaged as gradings are.
+
+    Parameters
+    ----------
+    xy : (n_vertices, 2)
+        A valid mesh; the area of a cell without any counts as the mean of all.
+    weight
+        Weight of the size term; layers keep theirs where that is larger.
+    """
+    sized = targets.size_weight > 0.0
+    area = targets.area
+    if not sized.all():
+        own = _without_area_noise(topology, _log_areas(topology, xy))[0]
+        area = np.where(sized, area, np.exp(own))
+    heavier = np.where(targets.is_layer, np.maximum(targets.size_weight, weight), weight)
+    return targets._replace(area=area, size_weight=heavier)
+
+
+def without_sizes(targets: Targets) -> Targets:
+    """Ask for no size, but of layers."""
+    return targets._replace(size_weight=np.where(targets.is_layer, targets.size_weight, 0.0))
+
+
+def _log_areas(topology: Topology, xy: FloatArray) -> FloatArray:
+    """Log of what a cell's corners have for determinants, in the mean: (n_cells,)."""
+    area = np.zeros(topology.n_cells)
+    for size, cells, places in _blocks(topology):
+        p = xy[topology.cell_vertices[places]]
+        u, w = (p[:, 2] - p[:, 0], p[:, 3] - p[:, 1]) if size == 4 else (
+            p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
+        )  # fmt: skip
+        det = u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0]
+        area[cells] = 0.5 * det if size == 4 else det
+    good = area > 0.0
+    mean = float(area[good].mean()) if good.any() else 1.0
+    return np.log(np.where(good, area, mean))
+
+
 # ------------------------------------------------------------------------- what the mesh asks for
 
 
@@ -540,13 +579,20 @@ def _grading(topology: Topology, xy: FloatArray) -> tuple[FloatArray, FloatArray
         d, e = p[:, 2] - p[:, 0], p[:, -1] - p[:, 1]
         area[cells] = np.abs(d[:, 0] * e[:, 1] - d[:, 1] * e[:, 0])
     logs = np.log(np.maximum(area, 1e-60 * area.max()))
+    cleaned, smooth, noise = _without_area_noise(topology, logs)
+    trend = float(smooth[topology.cell_sizes == 3].std())
+    return _step(trend / (noise + LEAST_NOISE), AREA_TREND), cleaned
+
+
+def _without_area_noise(
+    topology: Topology, logs: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Log areas without noise; what is smooth in them, less their mean; and the noise."""
     centred = logs - logs.mean()
     smooth = _over_rings(topology, centred[:, None], AREA_RINGS)[:, 0]
     noise = np.sqrt(_over_rings(topology, ((centred - smooth) ** 2)[:, None], NOISE_RINGS)[:, 0])
-    trend = float(smooth[topology.cell_sizes == 3].std())
-    graded = _step(trend / (noise + LEAST_NOISE), AREA_TREND)
     share = noise**4 / (noise**4 + NOISE**4)
-    return graded, logs + share * (smooth - centred)
+    return logs + share * (smooth - centred), smooth, noise
 
 
 def _over_rings(topology: Topology, values: FloatArray, rings: int) -> FloatArray:

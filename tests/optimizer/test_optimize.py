@@ -138,9 +138,9 @@ def test_extreme_angles_of_tangled_meshes(kind, seed, amount):
     ("options", "message"),
     [
         ({"objective": "size"}, "objective must be 'shape', got 'size'"),
-        ({"target_quality": 0.0}, "target_quality must be in (0, 1], got 0.0"),
-        ({"target_quality": 1.1}, "target_quality must be in (0, 1], got 1.1"),
-        ({"target_quality": math.nan}, "target_quality must be in (0, 1], got nan"),
+        ({"stop_quality": 0.0}, "stop_quality must be in (0, 1], got 0.0"),
+        ({"stop_quality": 1.1}, "stop_quality must be in (0, 1], got 1.1"),
+        ({"stop_quality": math.nan}, "stop_quality must be in (0, 1], got nan"),
         ({"mean_loss": -0.1}, "mean_loss must be in [0, 1), got -0.1"),
         ({"mean_loss": 1.0}, "mean_loss must be in [0, 1), got 1.0"),
         ({"mean_loss": math.nan}, "mean_loss must be in [0, 1), got nan"),
@@ -177,13 +177,13 @@ def test_a_time_limit_stops_with_the_best_so_far():
 
 def test_a_target_stops_early():
     mesh = jittered(30, 30, amount=0.45, seed=2)
-    whole, early = smooth(mesh, "optimize"), smooth(mesh, "optimize", target_quality=0.6)
+    whole, early = smooth(mesh, "optimize"), smooth(mesh, "optimize", stop_quality=0.6)
     assert early.after.worst["scaled_jacobian"] >= 0.6
     assert early.sweeps < whole.sweeps
-    assert early.outcome.stop is Stop.TARGET_QUALITY
+    assert early.outcome.stop is Stop.STOP_QUALITY
     assert early.outcome.stop_at == 0.6
-    assert "the worst cell reached target_quality=0.6" in early.reason
-    beyond = smooth(mesh, "optimize", target_quality=1.0)
+    assert "the worst cell reached stop_quality=0.6" in early.reason
+    beyond = smooth(mesh, "optimize", stop_quality=1.0)
     assert beyond.after.worst["scaled_jacobian"] == pytest.approx(
         whole.after.worst["scaled_jacobian"], abs=1e-2
     )
