@@ -258,10 +258,17 @@ def with_sizes(targets: Targets, topology: Topology, xy: FloatArray, weight: flo
     sized = targets.size_weight > 0.0
     area = targets.area
     if not sized.all():
-        own = _without_area_noise(topology, _log_areas(topology, xy))[0]
-        area = np.where(sized, area, np.exp(own))
+        unit = _unit(xy)
+        own = _without_area_noise(topology, _log_areas(topology, xy / unit))[0]
+        area = np.where(sized, area, np.exp(own) * unit**2)
     heavier = np.where(targets.is_layer, np.maximum(targets.size_weight, weight), weight)
     return targets._replace(area=area, size_weight=heavier)
+
+
+def _unit(xy: FloatArray) -> float:
+    """Give a power of two near the size of the mesh: in it logarithms do not depend on the unit."""
+    size = float(np.ptp(xy, axis=0).max(initial=0.0))
+    return math.ldexp(1.0, math.frexp(size)[1]) if size > 0.0 else 1.0
 
 
 def without_sizes(targets: Targets) -> Targets:
@@ -316,6 +323,8 @@ def candidates(topology: Topology, xy: FloatArray) -> tuple[Targets, Targets]:
         With squares there, and with learned ratios of sides; the same object where no ratio is
         learned. Where there is no layer, stretched triangle or grading the first is `ideal`.
     """
+    unit = _unit(xy)
+    xy = xy / unit
     sheets = Sheets(topology, xy)
     layer = sheets.layers()
     log_ratio, log_area = sheets.rectangles() if layer.any() else (np.zeros(layer.size),) * 2
@@ -336,7 +345,7 @@ def candidates(topology: Topology, xy: FloatArray) -> tuple[Targets, Targets]:
         with_quads = corners.copy()
         with_quads[places] = _rectangle_corners(both)
         found.append(with_quads)
-    sizes = np.where(weight > 0.0, np.exp(area), np.nan)
+    sizes = np.where(weight > 0.0, np.exp(area) * unit**2, np.nan)
     is_plain = not weight.any() and np.array_equal(found[0], plain.corners)
     squares = Targets(found[0], sizes, weight, is_layer, "ideal" if is_plain else "squares")
     if not (ratios[:n_quads] * (1.0 - share)).any():
