@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from qsmooth import examples, limits, smooth, untangle
+from qsmooth.engine import threads_for
 from qsmooth.kernels._jit import use_threads
 from qsmooth.kernels.blocks import build_blocks
 from qsmooth.kernels.newton_sweep import Wall, newton_sweep
 from qsmooth.kernels.stars import NO_VERTEX
 from qsmooth.kernels.untangle_sweep import untangle_sweep
+from qsmooth.optimizer.lanes import Lanes
 
 pytestmark = pytest.mark.benchmark(group="optimizer")
 SWEEPS = 10
@@ -182,6 +184,8 @@ class Case:
         self.all = 0, self.blocks.colour_blocks.size - 1
         self.sizes = np.ones(mesh.n_vertices)
         self.moves = np.empty(self.blocks.vertices.size)
+        lanes = Lanes(mesh.topology, self.stars, threads_for(1, self.stars.vertices.size))
+        self.held, self.rows = lanes.held, lanes._rows
 
     def by_blocks(self):
         xy = self.mesh.xy.copy()
@@ -191,7 +195,7 @@ class Case:
                 untangle_sweep(xy, self.blocks, self.all, *rest)
             else:
                 wall = Wall(WEIGHT, THRESHOLD, SQUARINGS)
-                newton_sweep(xy, self.blocks, self.all, 1.7, wall, self.moves)
+                newton_sweep(xy, self.blocks, self.all, 1.7, wall, self.held, self.rows, self.moves)
         return xy
 
     def plainly(self):

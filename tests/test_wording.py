@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from qsmooth import Outcome, Stop
-from qsmooth.outcome import Aim, Cut, Forbidden, Invalid, Stage, Trade
+from qsmooth.outcome import Aim, Cut, Forbidden, Invalid, Sizes, Stage, Target, Trade
 from qsmooth.wording import UNCHANGED, reason
 from test_outcome import FULL, LIMITS
 
@@ -70,9 +70,9 @@ UNTANGLED = Outcome(
             "then the worst cells in 1 sweep",
         ),
         (
-            replace(STAGED, stop=Stop.TARGET_QUALITY, stop_at=0.6, stages=STAGED.stages[:1]),
+            replace(STAGED, stop=Stop.STOP_QUALITY, stop_at=0.6, stages=STAGED.stages[:1]),
             "improved the mean shape in 20 sweeps and 1 Newton step on the whole mesh; "
-            "the worst cell reached target_quality=0.6",
+            "the worst cell reached stop_quality=0.6",
         ),
         (UNTANGLED, "untangled 4 cells in 3 sweeps"),
         (
@@ -104,13 +104,24 @@ def test_what_is_said(outcome, text):
 
 
 def test_what_was_given_up_and_what_was_not():
-    traded = replace(
-        STAGED,
-        trades=(Trade(figure="mean_shape", before=0.9, after=0.85, gained="scaled_jacobian"),),
+    gain = {"gained": "min_angle", "gained_before": 8.4, "gained_after": 40.3}
+    aspect = Trade(figure="aspect_ratio", before=20.0, after=33.0, **gain)
+    assert reason(replace(STAGED, trades=(aspect,))).endswith(
+        "; largest aspect ratio 20 -> 33, for a smallest angle of 8.4° -> 40.3°; hold it with "
+        "hold='aspect_ratio'"
     )
-    assert (
-        "the worst cells went first, as not all figures could be had: mean shape 0.900 -> 0.850"
-        in reason(traded)
+    edge = Trade(figure="min_edge", before=0.5, after=0.25, **gain)
+    mean = Trade(figure="mean_shape", before=0.9, after=0.85, **gain)
+    assert reason(replace(STAGED, trades=(aspect, edge, mean))).endswith(
+        "; largest aspect ratio 20 -> 33, shortest edge 0.5 -> 0.25 and mean shape 0.900 -> 0.850, "
+        "for a smallest angle of 8.4° -> 40.3°; hold them with hold='aspect_ratio,min_edge'"
+    )
+    assert reason(replace(STAGED, trades=(mean,))).endswith(
+        "; mean shape 0.900 -> 0.850, for a smallest angle of 8.4° -> 40.3°"
+    )
+    for_nothing = Trade(figure="shape", before=0.2, after=0.1)
+    assert reason(replace(STAGED, trades=(for_nothing,))).endswith(
+        "; smallest shape 0.2 -> 0.1; hold it with hold='shape'"
     )
     forbidden = replace(
         STAGED, unchanged=True, forbidden=Forbidden(scaled_jacobian=0.4321, mean_loss=0.02)
@@ -121,6 +132,32 @@ def test_what_was_given_up_and_what_was_not():
     )
     assert UNCHANGED not in reason(forbidden)
     assert UNCHANGED in reason(replace(STAGED, unchanged=True))
+
+
+def test_what_became_of_sizes_and_of_the_target():
+    sizes = Sizes(
+        area_low=0.97, area_median=1.0, area_high=1.31, min_edge_before=0.159,
+        min_edge_after=0.519, layers=0.12,
+    )  # fmt: skip
+    told = replace(STAGED, sizes=sizes)
+    assert reason(told).endswith(
+        "; cell areas x 0.97 to 1.31; shortest edge 0.159 -> 0.519; 12 % of the cells are layers "
+        "and were kept"
+    )
+    assert "layers" not in reason(replace(told, sizes=replace(sizes, layers=0.0)))
+    # Once is enough.
+    trade = Trade(figure="min_edge", before=0.5, after=0.25)
+    assert reason(replace(told, trades=(trade,))).count("shortest edge") == 1
+    assert "cell areas" not in reason(replace(told, unchanged=True))
+    assert "target" not in reason(replace(told, target=Target(kind="ideal", before=0.7, after=0.9)))
+    for kind, words in {
+        "squares": "squares beside layers and gradings as they are",
+        "ratios": "rectangles",
+        "initial": "the cells as they were, with right angles",
+        "metric": "the metric",
+    }.items():
+        aimed = replace(told, target=Target(kind=kind, before=0.71, after=0.95))
+        assert f"; mean quality towards {words} 0.710 -> 0.950; cell areas" in reason(aimed)
 
 
 @pytest.mark.parametrize(

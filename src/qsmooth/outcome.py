@@ -15,7 +15,7 @@ class Stop(StrEnum):
 
     RESTS = "rests"  # every vertex moves by less than `rtol` of its shortest edge
     SETTLED = "settled"  # quality no longer improves
-    TARGET_QUALITY = "target_quality"  # the worst cell is as good as was asked for
+    STOP_QUALITY = "stop_quality"  # the worst cell is as good as was asked for
     VALID = "valid"  # all cells are valid, which was all that was asked for
     STUCK = "stuck"  # untangling found no way for the cells that stay invalid
     MAX_SWEEPS = "max_sweeps"
@@ -66,20 +66,66 @@ class Stage:
 
 @dataclass(frozen=True, kw_only=True)
 class Trade:
-    """A figure that got worse for the sake of another.
+    """A figure that got worse by over one percent, while another got better.
 
     Attributes
     ----------
     figure, before, after
-        The one that was given up: ``mean_shape``.
-    gained
-        The one that it was given for: ``scaled_jacobian``.
+        The one that was given up: ``aspect_ratio``, ``shape``, ``min_edge`` (the worst of the mesh)
+        or ``mean_shape``.
+    gained, gained_before, gained_after
+        The one that gained most meanwhile: one of these, ``min_angle``, ``max_angle``,
+        ``scaled_jacobian``, or ``target``, the mean quality towards the target; "" for none.
     """
 
     figure: str
     before: float
     after: float
-    gained: str
+    gained: str = ""
+    gained_before: float = math.nan
+    gained_after: float = math.nan
+
+
+@dataclass(frozen=True, kw_only=True)
+class Target:
+    """What cells were meant to be.
+
+    Attributes
+    ----------
+    kind
+        ``ideal``: squares and equilateral triangles; ``squares``: these, beside layers, gradings
+        and stretched triangles as the mesh has them; ``ratios``: rectangles; ``initial``;
+        ``metric``.
+    before, after
+        Mean quality of the cells towards that, 1 at best.
+    """
+
+    kind: str
+    before: float
+    after: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sizes:
+    """What became of the sizes of cells.
+
+    Attributes
+    ----------
+    area_low, area_median, area_high
+        Areas of the cells over what they were, the 1st, 50th and 99th percentile; 1 where no cell
+        had an area.
+    min_edge_before, min_edge_after
+        The shortest edge.
+    layers
+        Share of the cells that are of layers, and were kept.
+    """
+
+    area_low: float
+    area_median: float
+    area_high: float
+    min_edge_before: float
+    min_edge_after: float
+    layers: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,7 +199,7 @@ class Outcome:
         Its name.
     stop, stop_at
         Why it stopped; and the value of the option that stopped it (``rtol``, ``max_sweeps``,
-        ``time_limit`` or ``target_quality``), NaN where none did.
+        ``time_limit`` or ``stop_quality``), NaN where none did.
     chosen
         Why ``"auto"`` took the method; "" where it was asked for by name or is the usual one.
     guarded, untangles
@@ -167,13 +213,18 @@ class Outcome:
     largest_share
         Longest move of the last sweep as a share of its vertex's shortest edge.
     trades
-        What got worse for the sake of something else.
+        What got worse by over one percent while something else gained; of a mesh that was untangled
+        first, worse than then.
     forbidden
         What could have been better at a cost that an option forbids.
     invalid
         What is or was not valid; None in a mesh of valid cells that stays one.
     cut
         How quads were cut in two, where they were.
+    target
+        What cells were meant to be, and how near they are; None of methods without such an aim.
+    sizes
+        What became of the cells' sizes; None of methods without such an aim.
     limits
         Provable bounds of the angles, `qsmooth.Limits`, where the method works them out.
     """
@@ -192,6 +243,8 @@ class Outcome:
     forbidden: Forbidden | None = None
     invalid: Invalid | None = None
     cut: Cut | None = None
+    target: Target | None = None
+    sizes: Sizes | None = None
     limits: Any = None
 
     @property
@@ -204,7 +257,7 @@ class Outcome:
         plain: dict[str, Any] = {**vars(self), "stop": self.stop.value, "sweeps": self.sweeps}
         for name in ("stages", "trades"):
             plain[name] = [asdict(record) for record in plain[name]]
-        for name in ("forbidden", "invalid", "cut"):
+        for name in ("forbidden", "invalid", "cut", "target", "sizes"):
             plain[name] = None if plain[name] is None else asdict(plain[name])
         plain["limits"] = None if self.limits is None else self.limits.to_dict()
         made_finite: dict[str, Any] = finite(plain)

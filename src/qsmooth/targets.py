@@ -245,6 +245,52 @@ def from_metric(mesh: Mesh, metric: Metric, xy: FloatArray | None = None) -> Tar
     )
 
 
+def with_sizes(targets: Targets, topology: Topology, xy: FloatArray, weight: float) -> Targets:
+    """Ask for a size of every cell: that of the targets, else its own, averaged as gradings are.
+
+    Parameters
+    ----------
+    xy : (n_vertices, 2)
+        A valid mesh; the area of a cell without any counts as the mean of all.
+    weight
+        Weight of the size term; layers keep theirs where that is larger.
+    """
+    sized = targets.size_weight > 0.0
+    area = targets.area
+    if not sized.all():
+        unit = _unit(xy)
+        own = _without_area_noise(topology, _log_areas(topology, xy / unit))[0]
+        area = np.where(sized, area, np.exp(own) * unit**2)
+    heavier = np.where(targets.is_layer, np.maximum(targets.size_weight, weight), weight)
+    return targets._replace(area=area, size_weight=heavier)
+
+
+def _unit(xy: FloatArray) -> float:
+    """Give a power of two near the size of the mesh: in it logarithms do not depend on the unit."""
+    size = float(np.ptp(xy, axis=0).max(initial=0.0))
+    return math.ldexp(1.0, math.frexp(size)[1]) if size > 0.0 else 1.0
+
+
+def without_sizes(targets: Targets) -> Targets:
+    """Ask for no size, but of layers."""
+    return targets._replace(size_weight=np.where(targets.is_layer, targets.size_weight, 0.0))
+
+
+def _log_areas(topology: Topology, xy: FloatArray) -> FloatArray:
+    """Log of what a cell's corners have for determinants, in the mean: (n_cells,)."""
+    area = np.zeros(topology.n_cells)
+    for size, cells, places in _blocks(topology):
+        p = xy[topology.cell_vertices[places]]
+        u, w = (p[:, 2] - p[:, 0], p[:, 3] - p[:, 1]) if size == 4 else (
+            p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
+        )  # fmt: skip
+        det = u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0]
+        area[cells] = 0.5 * det if size == 4 else det
+    good = area > 0.0
+    mean = float(area[good].mean()) if good.any() else 1.0
+    return np.log(np.where(good, area, mean))
+
+
 # ------------------------------------------------------------------------- what the mesh asks for
 
 
@@ -277,6 +323,8 @@ def candidates(topology: Topology, xy: FloatArray) -> tuple[Targets, Targets]:
         With squares there, and with learned ratios of sides; the same object where no ratio is
         learned. Where there is no layer, stretched triangle or grading the first is `ideal`.
     """
+    unit = _unit(xy)
+    xy = xy / unit
     sheets = Sheets(topology, xy)
     layer = sheets.layers()
     log_ratio, log_area = sheets.rectangles() if layer.any() else (np.zeros(layer.size),) * 2
@@ -297,7 +345,7 @@ def candidates(topology: Topology, xy: FloatArray) -> tuple[Targets, Targets]:
         with_quads = corners.copy()
         with_quads[places] = _rectangle_corners(both)
         found.append(with_quads)
-    sizes = np.where(weight > 0.0, np.exp(area), np.nan)
+    sizes = np.where(weight > 0.0, np.exp(area) * unit**2, np.nan)
     is_plain = not weight.any() and np.array_equal(found[0], plain.corners)
     squares = Targets(found[0], sizes, weight, is_layer, "ideal" if is_plain else "squares")
     if not (ratios[:n_quads] * (1.0 - share)).any():
@@ -540,13 +588,20 @@ def _grading(topology: Topology, xy: FloatArray) -> tuple[FloatArray, FloatArray
         d, e = p[:, 2] - p[:, 0], p[:, -1] - p[:, 1]
         area[cells] = np.abs(d[:, 0] * e[:, 1] - d[:, 1] * e[:, 0])
     logs = np.log(np.maximum(area, 1e-60 * area.max()))
+    cleaned, smooth, noise = _without_area_noise(topology, logs)
+    trend = float(smooth[topology.cell_sizes == 3].std())
+    return _step(trend / (noise + LEAST_NOISE), AREA_TREND), cleaned
+
+
+def _without_area_noise(
+    topology: Topology, logs: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Log areas without noise; what is smooth in them, less their mean; and the noise."""
     centred = logs - logs.mean()
     smooth = _over_rings(topology, centred[:, None], AREA_RINGS)[:, 0]
     noise = np.sqrt(_over_rings(topology, ((centred - smooth) ** 2)[:, None], NOISE_RINGS)[:, 0])
-    trend = float(smooth[topology.cell_sizes == 3].std())
-    graded = _step(trend / (noise + LEAST_NOISE), AREA_TREND)
     share = noise**4 / (noise**4 + NOISE**4)
-    return graded, logs + share * (smooth - centred)
+    return logs + share * (smooth - centred), smooth, noise
 
 
 def _over_rings(topology: Topology, values: FloatArray, rings: int) -> FloatArray:

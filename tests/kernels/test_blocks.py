@@ -8,7 +8,17 @@ from hypothesis import given
 
 from meshes import KINDS, grid, random_mesh, random_meshes
 from qsmooth import Mesh
-from qsmooth.kernels.blocks import FIRST, LANES, N_QUADS, N_TRIANGLES, SIZE, STAR, build_blocks
+from qsmooth.kernels.blocks import (
+    FIRST,
+    LANES,
+    N_QUADS,
+    N_TRIANGLES,
+    ROWS,
+    SIZE,
+    STAR,
+    build_blocks,
+    row_corners,
+)
 from qsmooth.kernels.stars import NO_VERTEX
 
 
@@ -18,14 +28,19 @@ def blocks_of(mesh):
 
 
 def rows_of(schedule, i):
-    """Quads (a, b, c) and triangles (a, c) of one vertex of a schedule."""
+    """Quads (a, b, c) and triangles (a, c) of one vertex of a schedule, and all their cells."""
     rows = schedule.corners[schedule.offsets[i] : schedule.offsets[i + 1]].tolist()
-    quads = [tuple(row) for row in rows if row[1] != NO_VERTEX]
-    return quads, [(row[0], row[2]) for row in rows if row[1] == NO_VERTEX]
+    cells = schedule.cells[schedule.offsets[i] : schedule.offsets[i + 1]].tolist()
+    both = list(zip(rows, cells, strict=True))
+    quads = [(tuple(row), c) for row, c in both if row[1] != NO_VERTEX]
+    triangles = [((row[0], row[2]), c) for row, c in both if row[1] == NO_VERTEX]
+    return [q for q, _ in quads], [t for t, _ in triangles], [c for _, c in quads + triangles]
 
 
 def check(mesh):
-    schedule, (colour_blocks, blocks, vertices, stars, largest) = blocks_of(mesh)
+    schedule, made = blocks_of(mesh)
+    colour_blocks, blocks, vertices, stars, cells, largest = made
+    corners_of_rows = row_corners(made, *mesh.topology.cells)
     n = schedule.vertices.size
     assert largest == schedule.largest
     position = {v: i for i, v in enumerate(schedule.vertices.tolist())}
@@ -33,25 +48,33 @@ def check(mesh):
     assert sorted(rows) == list(range(n))
     assert colour_blocks[0] == 0
     assert colour_blocks[-1] == len(blocks)
-    first, entry = 0, 0
+    first, entry, first_row = 0, 0, 0
     for colour, (start, stop) in enumerate(itertools.pairwise(colour_blocks)):
         for block in blocks[start:stop].astype(int):
             size, n_quads, n_triangles = block[SIZE], block[N_QUADS], block[N_TRIANGLES]
             assert 1 <= size <= LANES
             assert block[FIRST] == first
             assert block[STAR] == entry
+            assert block[ROWS] == first_row
             n_corners = 3 * n_quads + 2 * n_triangles
             table = stars[entry : entry + n_corners * size].reshape(n_corners, size)
+            n_rows = (n_quads + n_triangles) * size
+            in_rows = cells[first_row : first_row + n_rows].reshape(-1, size)
+            positions = corners_of_rows[first_row : first_row + n_rows].reshape(-1, size)
             for lane in range(size):
-                quads, triangles = rows_of(schedule, rows[first + lane])
+                quads, triangles, own = rows_of(schedule, rows[first + lane])
+                assert in_rows[:, lane].tolist() == own
+                assert (mesh.topology.corner_cells[positions[:, lane]] == own).all()
+                assert (mesh.cell_vertices[positions[:, lane]] == vertices[first + lane]).all()
                 corners = table[:, lane].tolist()
                 assert [tuple(q) for q in np.reshape(corners[: 3 * n_quads], (-1, 3))] == quads
                 pairs = np.reshape(corners[3 * n_quads :], (-1, 2))
                 assert [tuple(p) for p in pairs] == triangles
-            first, entry = first + size, entry + n_corners * size
+            first, entry, first_row = first + size, entry + n_corners * size, first_row + n_rows
         assert first == schedule.colour_offsets[colour + 1]
     assert first == n
     assert entry == stars.size
+    assert first_row == cells.size == corners_of_rows.size
 
 
 @pytest.mark.nojit
@@ -77,6 +100,6 @@ def test_blocks_are_full_where_all_stars_are_alike():
 
 @pytest.mark.nojit
 def test_no_movable_vertex_makes_no_block():
-    _, (colour_blocks, blocks, vertices, stars, largest) = blocks_of(Mesh(*grid(1, 3)))
+    _, (colour_blocks, blocks, vertices, stars, cells, largest) = blocks_of(Mesh(*grid(1, 3)))
     assert colour_blocks[-1] == 0
-    assert len(blocks) == vertices.size == stars.size == largest == 0
+    assert len(blocks) == vertices.size == stars.size == cells.size == largest == 0

@@ -57,7 +57,7 @@ class Best:
         The sweeps, the coordinates to begin with, (n, 2), and where rounds are noted.
     mean_loss
         Share of the best mean shape towards the target that the worst cells may cost.
-    target
+    enough
         Smallest scaled Jacobian that is enough, or None.
 
     Attributes
@@ -77,10 +77,10 @@ class Best:
         progress: Progress,
         *,
         mean_loss: float,
-        target: float | None,
+        enough: float | None,
     ) -> None:
         self.lanes, self.progress = lanes, progress
-        self._mean_loss, self._target = mean_loss, target
+        self._mean_loss, self._enough = mean_loss, enough
         self.updates = 0
         self._given_xy, self.xy = xy.copy(), xy.copy()
         self.given = self.figures = self.measure(xy)
@@ -94,8 +94,10 @@ class Best:
         self.lanes.report(xy, self.lanes.quality(xy), self.progress)
         self.best_shape = max(self.best_shape, now.shape)
         affordable = now.shape >= self.floor()
+        # What was the best may have become too dear meanwhile.
+        better = self.figures.shape < self.floor() or now.better(self.figures)
         fewer = now.n_invalid < self.figures.n_invalid
-        if fewer or (affordable and now.n_invalid == 0 and now.better(self.figures)):
+        if fewer or (affordable and now.n_invalid == 0 and better):
             self.updates += now.free_jacobian > self.figures.free_jacobian + LEAST_GAIN
             self.xy[:], self.figures = xy, now
         elif not affordable and now.n_invalid == 0:
@@ -106,9 +108,9 @@ class Best:
         """Mean shape that the worst cells may not cost more than."""
         return (1.0 - self._mean_loss) * self.best_shape
 
-    def reached_target(self) -> bool:
+    def good_enough(self) -> bool:
         """Whether the smallest scaled Jacobian is what the caller asked for."""
-        return self._target is not None and self.figures.free_jacobian >= self._target
+        return self._enough is not None and self.figures.free_jacobian >= self._enough
 
     def settle(self) -> None:
         """Go back to the coordinates given where nothing of them was to gain."""

@@ -18,9 +18,13 @@ from qsmooth.topology import Topology
 if TYPE_CHECKING:
     from qsmooth.kernels.newton_sweep import Wall
 
+# What can be held besides the angles and the scaled Jacobian: its worst in the mesh.
+HOLDABLE = ("aspect_ratio", "shape", "min_edge")
 # What holds nothing, and how far beyond the worst a trial may be for rounding.
 FREE = (2.0, -2.0, -2.0, 1e300, 1e300, 0.0)
 SLACK = 1e-11
+# Of cosines: rounding, and what makes the angle worse by that fraction at the most.
+ROUNDING = 4e-16
 # The wall on a cell's shape is 1 high at this multiple of its shape energy, or at this energy.
 SLIMMER, LEAST_SLIM = 1.2, 1.5
 # While the worst cells are seen to, sizes count this much more in layers: else their heights drift.
@@ -74,8 +78,9 @@ class Lanes:
         corner_extremes(xy, *self.topology.cells, self.movable, extremes)
         now = self.quality(xy)
         self.held[:] = FREE
-        self.held[:, 0] = extremes[:, 0].max() + SLACK
-        self.held[:, 1] = extremes[:, 1].min() - SLACK
+        most, least = extremes[:, 0].max(), extremes[:, 1].min()
+        self.held[:, 0] = most + SLACK * (1.0 - most**2) + ROUNDING
+        self.held[:, 1] = least - SLACK * (1.0 - least**2) - ROUNDING
         self.held[:, 2] = extremes[:, 2].min() * (1.0 - SLACK)
         if "aspect_ratio" in also:
             self.held[:, 3] = float(now.aspect_ratio.max()) ** 2 * (1.0 + SLACK)

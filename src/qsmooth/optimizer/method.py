@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 
 from qsmooth._types import FloatArray
+from qsmooth._words import did_you_mean
 from qsmooth.engine import threads_for
 from qsmooth.mesh import Mesh
 from qsmooth.methods.base import Method
@@ -16,16 +18,87 @@ from qsmooth.methods.driver import invalid_cells, stored
 from qsmooth.metrics import Quality, limits, quality
 from qsmooth.optimizer.best import Best
 from qsmooth.optimizer.ground import Ground
+from qsmooth.optimizer.judgement import judged
+from qsmooth.optimizer.lanes import HOLDABLE, Lanes
 from qsmooth.optimizer.progress import ROUND, Progress
 from qsmooth.optimizer.stages import improve_mean, mend_worst
 from qsmooth.optimizer.untangling import untangle, with_proof
-from qsmooth.options import opaque, option
-from qsmooth.outcome import Aim, Forbidden, Invalid, Outcome, Stop, Trade
+from qsmooth.options import OptionError, one_of, opaque, option
+from qsmooth.outcome import Aim, Forbidden, Invalid, Outcome, Stop, Target
 from qsmooth.result import History, SmoothResult
-from qsmooth.targets import Targets, candidates, ideal, initial
+from qsmooth.targets import (
+    Targets,
+    candidates,
+    from_metric,
+    from_ratios,
+    ideal,
+    initial,
+    with_sizes,
+    without_sizes,
+)
 
 # Squares are taken where the mean shape is better by this factor: ties would hang on last digits.
 CLEARLY = 1.01
+# A metric that is a function of places is asked again where the cells have come to, so often at
+# most, and until the mean target of the areas changes by less than this fraction.
+ASKINGS, ASKED = 8, 1e-2
+TARGETS = ("auto", "ideal", "initial")
+
+
+def parse_hold(given: str | Iterable[str]) -> tuple[str, ...]:
+    """Take figures to hold: a name, names with commas between, or an iterable of names.
+
+    Raises
+    ------
+    OptionError
+        If one of them can't be held, or is held anyway.
+    """
+    try:
+        names = given.split(",") if isinstance(given, str) else list(given)
+    except TypeError:
+        raise OptionError(f"`hold` takes {one_of(HOLDABLE)}, got {given!r}") from None
+    found = []
+    for name in names:
+        known = name.strip().replace("-", "_") if isinstance(name, str) else name
+        if known == "" and isinstance(given, str):
+            continue
+        if known not in HOLDABLE:
+            near = did_you_mean(known, HOLDABLE) if isinstance(known, str) else ""
+            raise OptionError(f"`hold` takes {one_of(HOLDABLE)}, got {name!r}{near}")
+        found.append(known)
+    return tuple(name for name in HOLDABLE if name in found)
+
+
+def parse_target(given: Any) -> Any:
+    """Take a target: a name, ratios of sides, metric tensors, or a function that gives these.
+
+    Raises
+    ------
+    OptionError
+        If it is none of these; what depends on the mesh is checked with it.
+    """
+    if isinstance(given, str):
+        if given not in TARGETS:
+            near = did_you_mean(given, TARGETS)
+            raise OptionError(f"`target` must be {one_of(TARGETS)}, got {given!r}{near}")
+        return given
+    if callable(given):
+        return given
+    try:
+        array = np.array(given, np.float64)
+    except (TypeError, ValueError):
+        array = np.empty(())
+    if array.ndim != 1 and (array.ndim != 3 or array.shape[1:] != (2, 2)):
+        raise OptionError(
+            f"`target` must be {one_of(TARGETS)}, ratios of sides, (n_cells,), or metric tensors, "
+            f"(n_vertices, 2, 2), or a function that gives these, got {_brief(given)}"
+        )
+    return array
+
+
+def _brief(given: Any) -> str:
+    shape = getattr(given, "shape", None)
+    return repr(given) if shape is None else f"an array of the shape {shape}"
 
 
 @dataclass
@@ -33,9 +106,11 @@ class _Found:
     """What the stages came to."""
 
     xy: FloatArray
-    reached_target: bool = False
-    trades: tuple[Trade, ...] = ()
+    good_enough: bool = False
     forbidden: Forbidden | None = None
+    start: FloatArray | None = None
+    target: Target | None = None
+    layers: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +135,7 @@ class _Staged(Method):
             engine = threads_for(self.threads, n_movable)
             ground = Ground(mesh.topology, self.keep_interfaces, only, engine)
             with engine.running():
-                found = self.stages(ground, mesh.xy.copy(), before, progress)
+                found = self.stages(ground, mesh, before, progress)
                 result = stored(mesh, found.xy)
                 invalid = invalid_cells(before, quality(result))
         invalid = with_proof(invalid, mesh.topology, result.xy, movable)
@@ -70,6 +145,10 @@ class _Staged(Method):
         if not n_movable:
             stop = Stop.NOTHING_MOVES
         after = quality(result)
+        start = before
+        if found.start is not None and before.n_invalid:
+            start = Quality(mesh.topology, found.start)
+        trades, sizes = judged(before, start, after, found.target, found.layers)
         return SmoothResult(
             mesh=result,
             outcome=Outcome(
@@ -82,9 +161,11 @@ class _Staged(Method):
                 unchanged=np.array_equal(result.points, mesh.points),
                 stages=tuple(progress.stages),
                 largest_share=progress.history[-1].largest_share if progress.history else 0.0,
-                trades=found.trades,
+                trades=trades,
                 forbidden=found.forbidden,
                 invalid=invalid,
+                target=found.target,
+                sizes=sizes,
                 limits=bounds,
             ),
             history=History(progress.history),
@@ -98,8 +179,8 @@ class _Staged(Method):
         value = getattr(self, stop.value, None)
         return math.nan if value is None else float(value)
 
-    def stages(self, ground: Ground, xy: FloatArray, before: Quality, progress: Progress) -> _Found:
-        """Run the stages; `xy` may be changed."""
+    def stages(self, ground: Ground, mesh: Mesh, before: Quality, progress: Progress) -> _Found:
+        """Run the stages."""
         raise NotImplementedError
 
     def finished(self, found: _Found, invalid: Invalid | None) -> Stop:
@@ -120,10 +201,11 @@ class Optimize(_Staged):
     and steeper, pushes back the corners with the smallest sine, and only these. It stops by itself
     when nothing more is gained.
 
-    The result is never worse than the input in smallest angle, largest angle, smallest scaled
-    Jacobian and mean shape. Where the four can't all be had the worst cells go first, and the
-    outcome says so. An invalid mesh is untangled first; then the untangled mesh is what counts.
-    The history has a record for each round of ten sweeps.
+    The result is never worse than the input in smallest angle, largest angle and smallest scaled
+    Jacobian, nor in what `hold` adds: no move is taken that makes a corner or cell worse than the
+    worst was. The worst cells may cost a share `mean_loss` of the best mean quality; what else got
+    worse, and for what, the outcome says. An invalid mesh is untangled first; then the untangled
+    mesh is what counts. The history has a record for each round of ten sweeps.
 
     Notes
     -----
@@ -139,58 +221,97 @@ class Optimize(_Staged):
     )
 
     max_sweeps: int = option(5000, within="[0, inf)", flag="sweeps", help="Sweeps at most.")
-    objective: Literal["shape"] = option(
-        "shape",
-        help="What the mean is of: shape is the mean ratio to squares and equilateral triangles.",
+    objective: Literal["shape", "shape-size"] | None = option(
+        None,
+        default_words="by target",
+        help="What the mean is of: the shape of cells as `target` has it; shape-size adds their "
+        "area, and is the default for the target initial and for metrics.",
+    )
+    size_weight: float = option(
+        1.0, within="[0, inf)", help="Weight of the area with the objective shape-size."
     )
     worst: bool = option(True, help="Whether to see to the worst cells too, or only to the mean.")
-    target_quality: float | None = option(
+    stop_quality: float | None = option(
         None, within="(0, 1]", help="Smallest scaled Jacobian at which it may stop."
     )
-    hold: Any = opaque(
+    hold: Any = option(
         (),
         metavar="FIGURES",
-        help="What must not get worse besides the angles and the scaled Jacobian: aspect_ratio, "
-        "shape, min_edge.",
+        default_words="none",
+        parse=parse_hold,
+        help="What must not get worse besides the angles and the scaled Jacobian, of aspect_ratio, "
+        "shape and min_edge, with commas between (in Python also a list).",
     )
-    target: Literal["auto", "ideal", "initial"] = option(
+    target: Any = opaque(
         "auto",
+        metavar="TARGET",
+        parse=parse_target,
         help="What cells are meant to be: auto, what the mesh says; ideal, squares and equilateral "
-        "triangles; initial, their own size and ratio with right angles.",
+        "triangles; initial, their own size and ratio with right angles (in Python also ratios of "
+        "sides, or a metric).",
     )
     mean_loss: float = option(
         0.1, within="[0, 1)", help="Share of the best mean shape that the worst cells may cost."
     )
 
-    def stages(self, ground: Ground, xy: FloatArray, before: Quality, progress: Progress) -> _Found:
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "hold", parse_hold(self.hold))
+        object.__setattr__(self, "target", parse_target(self.target))
+
+    def run(self, mesh: Mesh, chosen: str = "") -> SmoothResult:
+        """Go through the stages, and sum up."""
+        if not isinstance(self.target, str):
+            self._given(mesh, mesh.xy)  # what does not fit the mesh is told of before all else
+        return super().run(mesh, chosen)
+
+    def stages(self, ground: Ground, mesh: Mesh, before: Quality, progress: Progress) -> _Found:
         """Untangle, improve the mean, mend the worst cells; keep the best that was seen."""
-        lanes = ground.lanes
+        lanes, xy = ground.lanes, mesh.xy.copy()
         if before.n_invalid:
             with progress.stage(Aim.UNTANGLE):
                 untangle(ground, xy, progress)
         if not lanes.quality(xy).n_invalid:
             lanes.hold(xy, self.hold)
+        start = xy.copy()
         with progress.stage(Aim.MEAN_SHAPE):
-            best, xy = self._improved(lanes, xy, progress)
-        if self.worst and not best.reached_target():
+            best, xy = self._improved(lanes, mesh, xy, progress)
+        if self.worst and not best.good_enough():
             with progress.stage(Aim.WORST_CELLS):
                 mend_worst(lanes, xy, best, progress)
         best.settle()
-        return _Found(best.xy, best.reached_target(), (), best.forbidden)
+        targets = lanes.targets
+        return _Found(
+            best.xy,
+            best.good_enough(),
+            best.forbidden,
+            start=start,
+            target=Target(
+                kind=targets.kind,
+                before=float((1.0 / lanes.worst_shape(start)).mean()),
+                after=float((1.0 / lanes.worst_shape(best.xy)).mean()),
+            ),
+            layers=float(targets.is_layer.mean()),
+        )
 
     def _improved(
-        self, lanes: Lanes, start: FloatArray, progress: Progress
+        self, lanes: Lanes, mesh: Mesh, start: FloatArray, progress: Progress
     ) -> tuple[Best, FloatArray]:
         """Improve the mean towards what the mesh is meant to be; where two readings of that differ,
         the one that comes nearer to squares and equilateral triangles is taken.
         """
         runs = []
-        for targets in self._targets(lanes, start):
-            lanes.aim_at(targets)
-            xy = start.copy()
-            best = Best(lanes, xy, progress, mean_loss=self.mean_loss, target=self.target_quality)
-            improve_mean(lanes, xy, lanes.stars, best, progress, worst=self.worst)
+        for targets in self._targets(lanes, mesh, start):
+            best, xy = self._aimed(lanes, targets, start, progress)
             runs.append((best.figures.plain_shape, targets, best, xy))
+        if callable(self.target):
+            for _ in range(ASKINGS):
+                _, old, best, xy = runs[-1]
+                new = self._given(mesh, best.xy)
+                if progress.spent() or np.abs(np.log(new.area / old.area)).mean() < ASKED:
+                    break
+                best, xy = self._aimed(lanes, new, best.xy, progress)
+                runs = [(best.figures.plain_shape, new, best, xy)]
         plain, *others = runs
         chosen = plain
         for other in others:
@@ -199,18 +320,45 @@ class Optimize(_Staged):
         lanes.aim_at(chosen[1])
         return chosen[2], chosen[3]
 
-    def _targets(self, lanes: Lanes, xy: FloatArray) -> list[Targets]:
+    def _aimed(
+        self, lanes: Lanes, targets: Targets, start: FloatArray, progress: Progress
+    ) -> tuple[Best, FloatArray]:
+        """Improve the mean towards these targets."""
+        lanes.aim_at(targets)
+        xy = start.copy()
+        best = Best(lanes, xy, progress, mean_loss=self.mean_loss, enough=self.stop_quality)
+        improve_mean(lanes, xy, lanes.stars, best, progress, worst=self.worst)
+        return best, xy
+
+    def _targets(self, lanes: Lanes, mesh: Mesh, xy: FloatArray) -> list[Targets]:
         """What cells may be meant to be: plain first, then learned where that differs."""
+        if not isinstance(self.target, str):
+            return [self._given(mesh, xy)]
         if self.target == "ideal":
-            return [ideal(lanes.topology)]
-        if self.target == "initial":
-            return [initial(lanes.topology, xy)]
-        plain, learned = candidates(lanes.topology, xy)
-        return [plain] if learned is plain else [plain, learned]
+            found = [ideal(lanes.topology)]
+        elif self.target == "initial":
+            found = [initial(lanes.topology, xy)]
+        else:
+            plain, learned = candidates(lanes.topology, xy)
+            found = [plain] if learned is plain else [plain, learned]
+        return [self._sized(mesh, targets, xy) for targets in found]
+
+    def _given(self, mesh: Mesh, xy: FloatArray) -> Targets:
+        """Targets from the caller's ratios or metric."""
+        if not callable(self.target) and np.ndim(self.target) == 1:
+            return self._sized(mesh, from_ratios(mesh, self.target), xy)
+        return self._sized(mesh, from_metric(mesh, self.target, xy), xy)
+
+    def _sized(self, mesh: Mesh, targets: Targets, xy: FloatArray) -> Targets:
+        """Let sizes count as the objective says."""
+        by_size = targets.kind in ("initial", "metric")
+        if self.objective == "shape-size" or (self.objective is None and by_size):
+            return with_sizes(targets, mesh.topology, xy, self.size_weight)
+        return without_sizes(targets) if self.objective == "shape" and by_size else targets
 
     def finished(self, found: _Found, invalid: Invalid | None) -> Stop:
         """Why it stopped where no limit of the caller was reached."""
-        return Stop.TARGET_QUALITY if found.reached_target else Stop.SETTLED
+        return Stop.STOP_QUALITY if found.good_enough else Stop.SETTLED
 
     def bounds(self, result: Mesh) -> object:
         """Limits of the result's angles."""
@@ -239,8 +387,9 @@ class Untangle(_Staged):
 
     max_sweeps: int = option(20_000, within="[0, inf)", flag="sweeps", help="Sweeps at most.")
 
-    def stages(self, ground: Ground, xy: FloatArray, before: Quality, progress: Progress) -> _Found:
+    def stages(self, ground: Ground, mesh: Mesh, before: Quality, progress: Progress) -> _Found:
         """Untangle, unless the mesh is valid."""
+        xy = mesh.xy.copy()
         if before.n_invalid:
             with progress.stage(Aim.UNTANGLE):
                 untangle(ground, xy, progress)

@@ -51,7 +51,7 @@ def improve_mean(
     no_wall = Wall(1.0, np.inf, 1)
     energy, rounds = np.inf, 0
     best_shape, since = 0.0, 0
-    while not progress.spent() and not best.reached_target():
+    while not progress.spent() and not best.good_enough():
         lanes.newton(xy, no_wall, progress)
         rounds += 1
         before, energy = energy, _total(lanes.energy(xy)[1])
@@ -81,7 +81,7 @@ def mend_worst(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> 
     weight = 1.0
     for squarings, share in WALLS:
         patience, updates = WALL_PATIENCE, best.updates
-        while patience and not progress.spent() and not best.reached_target():
+        while patience and not progress.spent() and not best.good_enough():
             worst = _largest(lanes.energy(xy)[0])
             lanes.newton(xy, Wall(weight, share * worst, squarings), progress)
             now = best.offer(xy)
