@@ -11,7 +11,15 @@ from hypothesis import strategies as st
 import promises
 from meshes import KINDS, grid, place, random_mesh, tangle
 from qsmooth import Optimize, Stop, limits, quality, read_mesh, smooth
-from qsmooth.examples import boundary_layer, bump, jittered, notch, random_triangles, structured, tangled
+from qsmooth.examples import (
+    boundary_layer,
+    bump,
+    jittered,
+    notch,
+    random_triangles,
+    structured,
+    tangled,
+)
 from qsmooth.optimizer.progress import ROUND
 from qsmooth.outcome import Aim
 
