@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 
 from promises import check, invalid_cells
-from qsmooth import Optimize, smooth
-from qsmooth.examples import structured
+from qsmooth import Optimize, quality, smooth
+from qsmooth.engine import threads_for
+from qsmooth.examples import distorted, structured
 from qsmooth.kernels._jit import use_threads
 from qsmooth.optimizer import global_newton
 from qsmooth.optimizer.global_newton import GlobalNewton
+from qsmooth.optimizer.lanes import Lanes
 from qsmooth.outcome import Aim
 from qsmooth.targets import ideal
 
@@ -86,6 +88,25 @@ def test_direct_and_multigrid_steps_go_the_same_way(monkeypatch):
         ends.append(xy - mesh.xy)
     size = np.linalg.norm(ends[0])
     assert np.linalg.norm(ends[0] - ends[1]) < 0.1 * size
+
+
+@pytest.mark.parametrize("hold", [(), ("aspect_ratio", "shape", "min_edge")])
+def test_a_step_goes_back_where_it_is_beyond_what_is_held(hold):
+    mesh = distorted(24, 3)
+    stars = mesh.topology.schedule(True)
+    lanes = Lanes(mesh.topology, stars, threads_for(1, stars.vertices.size))
+    lanes.hold(mesh.xy, hold)
+    assert not lanes.beyond(mesh.xy).any()
+    rng = np.random.default_rng(0)
+    size = quality(mesh).min_edge.min()
+    trial = mesh.xy.copy()
+    moved = stars.vertices
+    trial[moved] += rng.normal(size=(moved.size, 2)) * size
+    assert lanes.beyond(trial).any()
+    assert lanes.retreat(mesh.xy, trial)
+    assert not lanes.beyond(trial).any()
+    assert (trial != mesh.xy).any()
+    assert not lanes.retreat(mesh.xy, trial)
 
 
 def test_few_steps_do_what_sweeps_take_hundreds_for():

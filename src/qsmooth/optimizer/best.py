@@ -84,7 +84,7 @@ class Best:
         self.updates = 0
         self._given_xy, self.xy = xy.copy(), xy.copy()
         self.given = self.figures = self.measure(xy)
-        self.best_shape = self.given.shape if self.given.n_invalid == 0 else 0.0
+        self.best_shape = self.given.shape
         # The best worst corner that was seen at a cost beyond the allowed loss of the mean.
         self._too_dear = 0.0
 
@@ -97,10 +97,12 @@ class Best:
         # What was the best may have become too dear meanwhile.
         better = self.figures.shape < self.floor() or now.better(self.figures)
         fewer = now.n_invalid < self.figures.n_invalid
-        if fewer or (affordable and now.n_invalid == 0 and better):
+        # Cells that nothing can mend keep no others from getting better.
+        no_more = now.n_invalid <= self.figures.n_invalid
+        if fewer or (affordable and no_more and better):
             self.updates += now.free_jacobian > self.figures.free_jacobian + LEAST_GAIN
             self.xy[:], self.figures = xy, now
-        elif not affordable and now.n_invalid == 0:
+        elif not affordable and no_more:
             self._too_dear = max(self._too_dear, now.free_jacobian)
         return now
 

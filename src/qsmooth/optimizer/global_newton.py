@@ -73,17 +73,18 @@ class GlobalNewton:
             direction = _solve(matrix, -self._gradient.ravel()).reshape(-1, 2)
         if not np.isfinite(direction).all():
             return 0.0
-        before = self._energy(xy)
+        before = self.energy(xy)
         trial = xy.copy()
         for k in range(HALVINGS):
             trial[self.vertices] = xy[self.vertices] + 0.5**k * direction
-            after = self._energy(trial)
+            after = self.energy(trial)
             if after < before and Quality(self.topology, trial).n_invalid == 0:
                 xy[:] = trial
                 return 1.0 - after / before
         return 0.0
 
-    def _energy(self, xy: FloatArray) -> float:
+    def energy(self, xy: FloatArray) -> float:
+        """Sum of the energies of all corners that can change."""
         from qsmooth.kernels.cell_energy import cell_energy
 
         topology = self.topology

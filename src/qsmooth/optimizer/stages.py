@@ -101,6 +101,8 @@ def _global_steps(
     trial, shape, count = xy.copy(), 0.0, 0
     while count < GLOBAL_STEPS and not progress.spent():
         gain = solver.step(trial)
+        if gain and lanes.retreat(xy, trial):
+            gain = max(0.0, 1.0 - solver.energy(trial) / solver.energy(xy))
         # The sum of f counts bad cells for more than the mean of the shapes 1 / f does: a step that
         # serves the first at the second's cost does not pay.
         now = best.offer(trial) if gain else best.figures
