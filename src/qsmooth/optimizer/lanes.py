@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from qsmooth._types import FloatArray
+from qsmooth._types import BoolArray, FloatArray
 from qsmooth.engine import Engine
 from qsmooth.kernels.stars import Moves, Rings, Stars
 from qsmooth.metrics import Quality
@@ -83,6 +83,29 @@ class Lanes:
             self.held[:, 4] = 1.0 / float(now.shape.min()) * (1.0 + SLACK)
         if "min_edge" in also:
             self.held[:, 5] = 0.5 * float(now["min_edge"].min()) ** 2 * (1.0 - SLACK)
+
+    def forbidden(self, xy: FloatArray) -> BoolArray:
+        """Mark the cells that are invalid at these coordinates, or worse than what is held."""
+        from qsmooth.kernels.newton_sweep import corner_extremes
+
+        extremes = np.empty((self.topology.n_cells, 3))
+        corner_extremes(xy, *self.topology.cells, self.movable, extremes)
+        now = self.quality(xy)
+        offsets, vertices = self.topology.cells
+        # All vertices of a cell hold the same, but those that can't move hold nothing.
+        most = np.minimum.reduceat(self.held[vertices], offsets[:-1])
+        least = np.maximum.reduceat(self.held[vertices], offsets[:-1])
+        bad = now.validity != 0
+        bad |= extremes[:, 0] > most[:, 0]
+        bad |= extremes[:, 1] < least[:, 1]
+        bad |= extremes[:, 2] < least[:, 2]
+        if (most[:, 3] < FREE[3]).any():
+            bad |= now.aspect_ratio**2 > most[:, 3]
+        if (most[:, 4] < FREE[4]).any():
+            bad |= now.shape * most[:, 4] < 1.0
+        if (least[:, 5] > FREE[5]).any():
+            bad |= 0.5 * now["min_edge"] ** 2 < least[:, 5]
+        return np.asarray(bad)
 
     def newton(self, xy: FloatArray, wall: Wall, progress: Progress) -> None:
         """Sweep a round downhill on the mean shape and the wall."""
