@@ -176,7 +176,7 @@ def run_all(folder, repeat):
     for path in sorted(Path(folder).glob("in-*.npz")):
         data = np.load(path)
         cells = [data[key] for key in sorted(data) if key.startswith("cells")]
-        regions = data["regions"] if "regions" in data else None
+        regions = data.get("regions")
         mesh = Mesh(data["xy"], cells, fixed=data["fixed"], regions=regions)
         qsmooth.smooth(mesh, "optimize", max_sweeps=30, threads=1)
         seconds = []

@@ -26,6 +26,8 @@ from qsmooth.targets import Targets, candidates, ideal, initial
 
 # Squares are taken where the mean shape is better by this factor: ties would hang on last digits.
 CLEARLY = 1.01
+# Where no more than this share of the cells is invalid the mesh still says what it is meant to be.
+FEW_INVALID = 0.01
 
 
 @dataclass
@@ -160,13 +162,16 @@ class Optimize(_Staged):
 
     def stages(self, lanes: Lanes, xy: FloatArray, before: Quality, progress: Progress) -> _Found:
         """Untangle, improve the mean, mend the worst cells; keep the best that was seen."""
+        meant = xy
         if before.n_invalid:
+            if before.n_invalid <= FEW_INVALID * lanes.topology.n_cells:
+                meant = xy.copy()  # untangling may move far more than what is invalid
             with progress.stage(Aim.UNTANGLE):
                 untangle(lanes, xy, progress)
         if not lanes.quality(xy).n_invalid:
             lanes.hold(xy, self.hold)
         with progress.stage(Aim.MEAN_SHAPE):
-            best, xy = self._improved(lanes, xy, progress)
+            best, xy = self._improved(lanes, xy, self._targets(lanes, meant), progress)
         if self.worst and not best.reached_target():
             with progress.stage(Aim.WORST_CELLS):
                 mend_worst(lanes, xy, best, progress)
@@ -174,13 +179,13 @@ class Optimize(_Staged):
         return _Found(best.xy, best.reached_target(), (), best.forbidden)
 
     def _improved(
-        self, lanes: Lanes, start: FloatArray, progress: Progress
+        self, lanes: Lanes, start: FloatArray, meant: list[Targets], progress: Progress
     ) -> tuple[Best, FloatArray]:
         """Improve the mean towards what the mesh is meant to be; where two readings of that differ,
         the one that comes nearer to squares and equilateral triangles is taken.
         """
         runs = []
-        for targets in self._targets(lanes, start):
+        for targets in meant:
             lanes.aim_at(targets)
             xy = start.copy()
             best = Best(lanes, xy, progress, mean_loss=self.mean_loss, target=self.target_quality)
