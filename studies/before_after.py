@@ -10,7 +10,7 @@ input (in), one for this version (new), and for the other (old), all measured he
 
 * smallest and largest angle, largest aspect ratio (longest over shortest edge of a cell), smallest
   and mean scaled Jacobian, mean shape;
-* shortest edge over the input's; areas over the input's, 1st, 50th and 99th percentile of the cells;
+* shortest edge over the input's; areas over the input's, 1st, 50th and 99th percentile;
 * heights of first layers over the input's, least, median and most: a side on the boundary is of a
   first layer where, in the input, it is more than 5 times as long as its cell is high, which is the
   mean distance of the cell's other vertices from the side's line;

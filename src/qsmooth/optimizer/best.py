@@ -17,7 +17,7 @@ from qsmooth.outcome import Forbidden
 LEAST_GAIN = 1e-3
 # A better worst corner that the allowed loss of the mean forbids is told of from this gain on.
 LEAST_FORBIDDEN = 1e-2
-# What the worst cells may cost the sizes: by so much may the mean of |log τ| grow.
+# What the worst cells may cost the sizes: by so much may the mean of γ |log τ| grow.
 MOST_RESIZED = 0.06
 # Areas count as this multiple of their target at least.
 TINY = 1e-6
@@ -38,7 +38,7 @@ class Figures:
     n_invalid
         Cells that are not valid.
     resized
-        Mean of |log τ|, τ the area over its target, of the cells whose size counts.
+        Mean over the cells of γ |log τ|, τ the area over its target, γ how much that counts.
     """
 
     free_jacobian: float
@@ -166,10 +166,9 @@ class Best:
 
     def _resized(self, quality: Quality) -> float:
         inv_area, weight = self.lanes.sizes.T
-        total = float(weight.sum())
-        if total == 0.0:
+        if not weight.any():
             return 0.0
         # Twice the area of a triangle, as the targets are.
         twice = np.where(self.lanes.topology.cell_sizes == 3, 2.0, 1.0)
         tau = np.where(weight > 0.0, twice * quality.area * inv_area, 1.0)
-        return float((weight * np.abs(np.log(np.maximum(tau, TINY)))).sum()) / total
+        return float((weight * np.abs(np.log(np.maximum(tau, TINY)))).mean())
