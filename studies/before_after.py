@@ -37,8 +37,8 @@ from qsmooth import Mesh, examples, quality, read_mesh
 
 SLIM = 5.0
 COLUMNS = (
-    "mesh", "", "min °", "max °", "aspect", "SJ min", "SJ mean", "shape", "edge ×", "areas × 1/50/99 %",
-    "heights × least/median/most", "s",
+    "mesh", "", "min °", "max °", "aspect", "SJ min", "SJ mean", "shape", "edge ×",
+    "areas × 1/50/99 %", "heights × least/median/most", "s",
 )  # fmt: skip
 PACKAGED = {
     "jittered": lambda: examples.jittered(),

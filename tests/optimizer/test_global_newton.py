@@ -5,15 +5,22 @@ import pytest
 
 from promises import check, invalid_cells
 from qsmooth import Optimize, smooth
+from qsmooth.engine import threads_for
 from qsmooth.examples import structured
 from qsmooth.kernels._jit import use_threads
 from qsmooth.optimizer import global_newton
 from qsmooth.optimizer.global_newton import GlobalNewton
+from qsmooth.optimizer.lanes import Lanes
 from qsmooth.outcome import Aim
+from qsmooth.targets import ideal
 
 
 def solver(mesh):
-    return GlobalNewton(mesh.topology, mesh.topology.schedule(True))
+    lanes = Lanes(mesh.topology, mesh.topology.schedule(True), threads_for(1, mesh.n_vertices))
+    lanes.hold(mesh.xy)
+    return GlobalNewton(
+        mesh.topology, lanes.stars, lanes.targets.corners, lanes.sizes, lanes.forbidden
+    )
 
 
 def warped(n=24, kind="quad"):
@@ -30,7 +37,9 @@ def energy(mesh, xy):
     worst, total = np.empty((2, mesh.n_cells))
     movable = np.zeros(mesh.n_vertices, np.bool_)
     movable[mesh.topology.schedule(True).vertices] = True
-    cell_energy(xy, mesh.cell_offsets, mesh.cell_vertices, movable, worst, total)
+    targets = ideal(mesh.topology).corners
+    sizes = np.zeros((mesh.n_cells, 2))
+    cell_energy(xy, mesh.cell_offsets, mesh.cell_vertices, movable, targets, sizes, worst, total)
     return float((total * np.where(np.diff(mesh.cell_offsets) == 3, 1.0, 4.0)).sum())
 
 
