@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from qsmooth._types import FloatArray
+from qsmooth.metrics import Quality
 from qsmooth.optimizer.lanes import Lanes
 from qsmooth.optimizer.progress import Progress
 from qsmooth.outcome import Forbidden
@@ -15,6 +17,10 @@ from qsmooth.outcome import Forbidden
 LEAST_GAIN = 1e-3
 # A better worst corner that the allowed loss of the mean forbids is told of from this gain on.
 LEAST_FORBIDDEN = 1e-2
+# What the worst cells may cost the sizes: by so much may the mean of γ |log τ| grow.
+MOST_RESIZED = 0.06
+# Areas count as this multiple of their target at least.
+TINY = 1e-6
 
 
 @dataclass(frozen=True)
@@ -31,12 +37,15 @@ class Figures:
         The same towards squares and equilateral triangles.
     n_invalid
         Cells that are not valid.
+    resized
+        Mean over the cells of γ |log τ|, τ the area over its target, γ how much that counts.
     """
 
     free_jacobian: float
     shape: float
     plain_shape: float
     n_invalid: int
+    resized: float = 0.0
 
     def better(self, other: Figures) -> bool:
         """Whether the worst corner is better, or about as good with a better mean."""
@@ -84,6 +93,7 @@ class Best:
         self.updates = 0
         self._given_xy, self.xy = xy.copy(), xy.copy()
         self.given = self.figures = self.measure(xy)
+        self._most_resized = math.inf
         self.best_shape = self.given.shape
         # The best worst corner that was seen at a cost beyond the allowed loss of the mean.
         self._too_dear = 0.0
@@ -93,9 +103,9 @@ class Best:
         now = self.measure(xy)
         self.lanes.report(xy, self.lanes.quality(xy), self.progress)
         self.best_shape = max(self.best_shape, now.shape)
-        affordable = now.shape >= self.floor()
+        affordable = self.affords(now)
         # What was the best may have become too dear meanwhile.
-        better = self.figures.shape < self.floor() or now.better(self.figures)
+        better = not self.affords(self.figures) or now.better(self.figures)
         fewer = now.n_invalid < self.figures.n_invalid
         # Cells that nothing can mend keep no others from getting better.
         no_more = now.n_invalid <= self.figures.n_invalid
@@ -106,9 +116,30 @@ class Best:
             self._too_dear = max(self._too_dear, now.free_jacobian)
         return now
 
+    def relaxed(self, xy: FloatArray) -> bool:
+        """Keep coordinates with less energy, unless the mean shape is worse; whether they are kept.
+
+        What is held sees to the worst corner.
+        """
+        now = self.measure(xy)
+        self.lanes.report(xy, self.lanes.quality(xy), self.progress)
+        self.best_shape = max(self.best_shape, now.shape)
+        if now.shape < self.figures.shape - LEAST_GAIN or not self.affords(now):
+            return False
+        self.xy[:], self.figures = xy, now
+        return True
+
     def floor(self) -> float:
         """Mean shape that the worst cells may not cost more than."""
         return (1.0 - self._mean_loss) * self.best_shape
+
+    def affords(self, now: Figures) -> bool:
+        """Whether neither the mean shape nor the sizes have lost more than is allowed."""
+        return now.shape >= self.floor() and now.resized <= self._most_resized
+
+    def limit_sizes(self) -> None:
+        """From now on let sizes be little farther from their targets than at the best so far."""
+        self._most_resized = self.figures.resized + MOST_RESIZED
 
     def good_enough(self) -> bool:
         """Whether the smallest scaled Jacobian is what the caller asked for."""
@@ -134,4 +165,14 @@ class Best:
             shape=float((1.0 / self.lanes.worst_shape(xy)).mean()),
             plain_shape=float(np.mean(quality.shape)),
             n_invalid=quality.n_invalid,
+            resized=self._resized(quality),
         )
+
+    def _resized(self, quality: Quality) -> float:
+        inv_area, weight = self.lanes.sizes.T
+        if not weight.any():
+            return 0.0
+        # Twice the area of a triangle, as the targets are.
+        twice = np.where(self.lanes.topology.cell_sizes == 3, 2.0, 1.0)
+        tau = np.where(weight > 0.0, twice * quality.area * inv_area, 1.0)
+        return float((weight * np.abs(np.log(np.maximum(tau, TINY)))).mean())

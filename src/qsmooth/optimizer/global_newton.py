@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from qsmooth._types import FloatArray
+from qsmooth._types import BoolArray, FloatArray
 from qsmooth.kernels.stars import Stars
-from qsmooth.metrics import Quality
 from qsmooth.topology import Topology
 
 if TYPE_CHECKING:
@@ -26,6 +25,10 @@ TOLERANCE = 1e-2
 MOST_ITERATIONS = 100
 # A step that does not lower the energy is halved this often.
 HALVINGS = 12
+# Vertices of cells that a step would make worse than what is held are put back so often before the
+# step is halved; those in so many rings around take less of it than they would.
+PUT_BACK = 6
+GRADED_RINGS = 8
 
 
 class GlobalNewton:
@@ -33,14 +36,28 @@ class GlobalNewton:
 
     The matrix couples the movable vertices of each cell; its pattern never changes, so each step
     only fills in the values.
+
+    Parameters
+    ----------
+    topology, stars
+        Of the mesh, and of the vertices that may move.
+    corners, sizes
+        Targets, as in `newton_sweep.cell_energy`.
+    forbidden
+        Marks the cells that no step may leave at these coordinates, (n_cells,); none are now.
     """
 
     def __init__(
-        self, topology: Topology, stars: Stars, corners: FloatArray, sizes: FloatArray
+        self,
+        topology: Topology,
+        stars: Stars,
+        corners: FloatArray,
+        sizes: FloatArray,
+        forbidden: Callable[[FloatArray], BoolArray],
     ) -> None:
         from qsmooth.kernels.shape_hessian import block_pattern
 
-        self.topology, self._targets = topology, (corners, sizes)
+        self.topology, self._targets, self._forbidden = topology, (corners, sizes), forbidden
         self.vertices = np.sort(stars.vertices.astype(np.int64))
         self.unknown = np.full(topology.n_vertices, -1, np.int64)
         self.unknown[self.vertices] = np.arange(self.vertices.size)
@@ -52,7 +69,9 @@ class GlobalNewton:
         self._gradient = np.empty((self.vertices.size, 2))
 
     def step(self, xy: FloatArray) -> float:
-        """Take one step downhill on the mean shape, in place; the mesh stays valid.
+        """Take one step downhill on the mean shape, in place.
+
+        Vertices of cells that would be forbidden stay, and those around them, until none is.
 
         Returns
         -------
@@ -76,12 +95,30 @@ class GlobalNewton:
         before = self.energy(xy)
         trial = xy.copy()
         for k in range(HALVINGS):
-            trial[self.vertices] = xy[self.vertices] + 0.5**k * direction
+            if not self._allowed(xy, 0.5**k * direction, trial):
+                continue
             after = self.energy(trial)
-            if after < before and Quality(self.topology, trial).n_invalid == 0:
+            if after < before:
                 xy[:] = trial
                 return 1.0 - after / before
         return 0.0
+
+    def _allowed(self, xy: FloatArray, direction: FloatArray, trial: FloatArray) -> bool:
+        """Fill in the step, with vertices of forbidden cells put back; whether that was enough."""
+        offsets, vertices = self.topology.cells
+        counts = np.diff(offsets)
+        share = np.ones(self.topology.n_vertices)
+        for _ in range(PUT_BACK):
+            trial[self.vertices] = xy[self.vertices] + share[self.vertices, None] * direction
+            cells = self._forbidden(trial)
+            if not cells.any():
+                return True
+            share[vertices[np.repeat(cells, counts)]] = 0.0
+            # Those around them less and less, or the cells between would be drawn out.
+            for _ in range(GRADED_RINGS):
+                least = np.minimum.reduceat(share[vertices], offsets[:-1]) + 1.0 / GRADED_RINGS
+                np.minimum.at(share, vertices, np.repeat(least, counts))
+        return False
 
     def energy(self, xy: FloatArray) -> float:
         """Sum of the energies of all corners that can change."""

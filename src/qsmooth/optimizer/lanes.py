@@ -23,8 +23,6 @@ HOLDABLE = ("aspect_ratio", "shape", "min_edge")
 # What holds nothing, and how far beyond the worst a trial may be for rounding.
 FREE = (2.0, -2.0, -2.0, 1e300, 1e300, 0.0)
 SLACK = 1e-11
-# Rounds in which vertices go back from a step on the whole mesh; then all do.
-RETREATS = 30
 # Of cosines: rounding, and what makes the angle worse by that fraction at the most.
 ROUNDING = 4e-16
 # The wall on a cell's shape is 1 high at this multiple of its shape energy, or at this energy.
@@ -91,8 +89,8 @@ class Lanes:
         if "min_edge" in also:
             self.held[:, 5] = 0.5 * float(now["min_edge"].min()) ** 2 * (1.0 - SLACK)
 
-    def beyond(self, xy: FloatArray) -> BoolArray:
-        """Mark the cells that are invalid or worse than what is held, (n_cells,)."""
+    def forbidden(self, xy: FloatArray) -> BoolArray:
+        """Mark the cells that are invalid at these coordinates, or worse than what is held."""
         from qsmooth.kernels.cell_energy import corner_extremes
 
         topology, now = self.topology, self.quality(xy)
@@ -100,32 +98,17 @@ class Lanes:
         corner_extremes(xy, *topology.cells, self.movable, extremes)
         first = topology.cell_offsets[:-1]
         held = self.held[topology.cell_vertices[first]].T
-        worse = extremes[:, 0] > held[0]
-        worse |= (extremes[:, 1] < held[1]) | (extremes[:, 2] < held[2])
-        worse |= now["aspect_ratio"] ** 2 > held[3]
-        worse |= now["shape"] * held[4] < 1.0
-        worse |= 0.5 * now["min_edge"] ** 2 < held[5]
-        worse |= now.validity != Validity.VALID
+        bad = extremes[:, 0] > held[0]
+        bad |= (extremes[:, 1] < held[1]) | (extremes[:, 2] < held[2])
+        if (held[3] < FREE[3]).any():
+            bad |= now.aspect_ratio**2 > held[3]
+        if (held[4] < FREE[4]).any():
+            bad |= now.shape * held[4] < 1.0
+        if (held[5] > FREE[5]).any():
+            bad |= 0.5 * now["min_edge"] ** 2 < held[5]
+        bad |= now.validity != Validity.VALID
         movable = np.logical_or.reduceat(self.movable[topology.cell_vertices], first)
-        return np.asarray(worse & movable)
-
-    def retreat(self, xy: FloatArray, trial: FloatArray) -> bool:
-        """Put the vertices of cells that got worse than is held back to `xy`, until none did.
-
-        Returns
-        -------
-        bool
-            Whether any had to go back.
-        """
-        topology, back = self.topology, False
-        for _ in range(RETREATS):
-            beyond = self.beyond(trial)
-            if not beyond.any():
-                return back
-            vertices = topology.cell_vertices[np.repeat(beyond, topology.cell_sizes)]
-            trial[vertices], back = xy[vertices], True
-        trial[:] = xy
-        return True
+        return np.asarray(bad & movable)
 
     def newton(self, xy: FloatArray, wall: Wall, progress: Progress) -> None:
         """Sweep a round downhill on the mean shape and the wall."""

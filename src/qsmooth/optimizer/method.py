@@ -42,6 +42,8 @@ CLEARLY = 1.01
 # A metric that is a function of places is asked again where the cells have come to, so often at
 # most, and until the mean target of the areas changes by less than this fraction.
 ASKINGS, ASKED = 8, 1e-2
+# Where no more than this share of the cells is invalid the mesh still says what it is meant to be.
+FEW_INVALID = 0.01
 TARGETS = ("auto", "ideal", "initial")
 
 
@@ -268,14 +270,17 @@ class Optimize(_Staged):
     def stages(self, ground: Ground, mesh: Mesh, before: Quality, progress: Progress) -> _Found:
         """Untangle, improve the mean, mend the worst cells; keep the best that was seen."""
         lanes, xy = ground.lanes, mesh.xy.copy()
+        meant = xy
         if before.n_invalid:
+            if before.n_invalid <= FEW_INVALID * lanes.topology.n_cells:
+                meant = xy.copy()  # untangling may move far more than what is invalid
             with progress.stage(Aim.UNTANGLE):
                 untangle(ground, xy, progress)
         if not lanes.quality(xy).n_invalid:
             lanes.hold(xy, self.hold)
         start = xy.copy()
         with progress.stage(Aim.MEAN_SHAPE):
-            best, xy = self._improved(lanes, mesh, xy, progress)
+            best, xy = self._improved(lanes, mesh, xy, meant, progress)
         if self.worst and not best.good_enough():
             with progress.stage(Aim.WORST_CELLS):
                 mend_worst(lanes, xy, best, progress)
@@ -295,13 +300,13 @@ class Optimize(_Staged):
         )
 
     def _improved(
-        self, lanes: Lanes, mesh: Mesh, start: FloatArray, progress: Progress
+        self, lanes: Lanes, mesh: Mesh, start: FloatArray, meant: FloatArray, progress: Progress
     ) -> tuple[Best, FloatArray]:
         """Improve the mean towards what the mesh is meant to be; where two readings of that differ,
         the one that comes nearer to squares and equilateral triangles is taken.
         """
         runs = []
-        for targets in self._targets(lanes, mesh, start):
+        for targets in self._targets(lanes, mesh, meant):
             best, xy = self._aimed(lanes, targets, start, progress)
             runs.append((best.figures.plain_shape, targets, best, xy))
         if callable(self.target):

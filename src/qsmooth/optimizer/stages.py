@@ -7,7 +7,7 @@ import numpy as np
 from qsmooth._types import FloatArray
 from qsmooth.kernels.stars import Stars
 from qsmooth.optimizer.best import LEAST_GAIN, Best
-from qsmooth.optimizer.lanes import Lanes
+from qsmooth.optimizer.lanes import HOLDABLE, Lanes
 from qsmooth.optimizer.progress import Progress
 
 # An energy that fell by less than this fraction in a round has settled.
@@ -26,6 +26,9 @@ GLOBAL_GAIN = 2e-2
 WALLS = ((2, 0.7), (3, 0.8), (4, 0.85), (5, 0.9), (6, 0.9), (6, 0.95))
 # Rounds without a better result after which the next wall is put up.
 WALL_PATIENCE = 2
+# Rounds at most in which the mean gets back what the worst cells do not need, and what a round must
+# gain for another.
+RELAX_ROUNDS, RELAX_GAIN = 12, 1e-3
 
 
 def improve_mean(
@@ -50,6 +53,7 @@ def improve_mean(
     settled = MEAN_GAIN if worst else SETTLED
     no_wall = Wall(1.0, np.inf, 1)
     energy, rounds = np.inf, 0
+    start = _total(lanes.energy(xy)[1])
     best_shape, since = 0.0, 0
     while not progress.spent() and not best.good_enough():
         lanes.newton(xy, no_wall, progress)
@@ -60,7 +64,14 @@ def improve_mean(
         # falls at the other's cost there is no more to gain here.
         best_shape, since = max(best_shape, shape), 0 if shape > best_shape else since + 1
         if energy >= before * (1.0 - settled) or since >= MEAN_ROUNDS:
-            break
+            if best.figures.n_invalid or energy < start * (1.0 - CREEPING):
+                break
+            # Sweeps gained nothing: vertices that are held by their neighbours can move together.
+            _global_steps(lanes, xy, stars, best, progress)
+            before, energy = energy, _total(lanes.energy(xy)[1])
+            if energy >= before * (1.0 - CREEPING):
+                break
+            start = energy
         if rounds % MEAN_ROUNDS == 0:
             gained = 0
             if best.figures.n_invalid == 0 and energy < before * (1.0 - CREEPING):
@@ -78,6 +89,7 @@ def mend_worst(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> 
     from qsmooth.kernels.newton_sweep import Wall
 
     lanes.wall_off(xy)
+    best.limit_sizes()
     weight = 1.0
     for squarings, share in WALLS:
         patience, updates = WALL_PATIENCE, best.updates
@@ -85,10 +97,29 @@ def mend_worst(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> 
             worst = _largest(lanes.energy(xy)[0])
             lanes.newton(xy, Wall(weight, share * worst, squarings), progress)
             now = best.offer(xy)
-            # The mean counts for more where the wall has cost it more than is allowed.
-            weight = 2.0 * weight if now.shape < best.floor() else max(1.0, 0.5 * weight)
+            # Mean and sizes count for more where the wall has cost them more than is allowed.
+            weight = max(1.0, 0.5 * weight) if best.affords(now) else 2.0 * weight
             patience = WALL_PATIENCE if best.updates > updates else patience - 1
             updates = best.updates
+    _relax(lanes, xy, best, progress)
+
+
+def _relax(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> None:
+    """Give the mean back what it can have without the worst cells getting worse again."""
+    from qsmooth.kernels.newton_sweep import Wall
+
+    if best.figures.n_invalid or best.good_enough() or lanes.targets.is_layer.any():
+        return  # the angles of layers would go back to what their sizes ask for
+    xy[:] = best.xy
+    lanes.hold(xy, HOLDABLE)
+    energy = _total(lanes.energy(xy)[1])
+    for _ in range(RELAX_ROUNDS):
+        if progress.spent():
+            break
+        lanes.newton(xy, Wall(1.0, np.inf, 1), progress)
+        before, energy = energy, _total(lanes.energy(xy)[1])
+        if not best.relaxed(xy) or energy >= before * (1.0 - RELAX_GAIN):
+            break
 
 
 def _global_steps(
@@ -97,12 +128,12 @@ def _global_steps(
     """Take Newton steps on all vertices at once while each pays; return their count."""
     from qsmooth.optimizer.global_newton import GlobalNewton
 
-    solver = GlobalNewton(lanes.topology, stars, lanes.targets.corners, lanes.sizes)
+    solver = GlobalNewton(
+        lanes.topology, stars, lanes.targets.corners, lanes.sizes, lanes.forbidden
+    )
     trial, shape, count = xy.copy(), 0.0, 0
     while count < GLOBAL_STEPS and not progress.spent():
         gain = solver.step(trial)
-        if gain and lanes.retreat(xy, trial):
-            gain = max(0.0, 1.0 - solver.energy(trial) / solver.energy(xy))
         # The sum of f counts bad cells for more than the mean of the shapes 1 / f does: a step that
         # serves the first at the second's cost does not pay.
         now = best.offer(trial) if gain else best.figures
