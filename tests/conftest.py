@@ -31,6 +31,13 @@ hypothesis.settings.register_profile(
 hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "suite"))
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """Let kernels in plain Python divide by zero without a word, as they do when compiled."""
+    if os.environ.get("NUMBA_DISABLE_JIT", "0") != "0":
+        what = "ignore:(divide by zero|invalid value|overflow) encountered:RuntimeWarning"
+        config.addinivalue_line("filterwarnings", what)
+
+
 @pytest.fixture(scope="session")
 def shared() -> Path:
     """The folder of real meshes and peers beside the checkout, where there is one."""

@@ -35,7 +35,7 @@ def wall(energy):
 
 def terms(energy):
     weight, threshold, squarings = energy
-    return newton_sweep._Terms(float(weight), 1.0 / threshold, squarings, 2.0**squarings)
+    return newton_sweep.Terms(float(weight), 1.0 / threshold, squarings, 2.0**squarings)
 
 
 def sweep(mesh, energy, *, xy=None, threads=1, colours=None):
@@ -68,10 +68,10 @@ def derivatives(mesh, v, energy):
     """Energy, gradient and Hessian of a vertex's star, by the kernel."""
     star, s, n_quads, n_triangles = lane(mesh, v)
     for k in range(n_quads):
-        newton_sweep._add_quad(star, s, k * lanes.ROW6, 1, terms(energy))
+        newton_sweep.add_quad(star, s, k * lanes.ROW6, 1, terms(energy))
     for k in range(n_triangles):
         row = n_quads * lanes.ROW6 + k * lanes.ROW4
-        newton_sweep._add_triangle(star, s, row, 1, terms(energy))
+        newton_sweep.add_triangle(star, s, row, 1, terms(energy))
     gradient = np.array([s[lanes.GX], s[lanes.GY]])
     hessian = np.array([[s[lanes.HXX], s[lanes.HXY]], [s[lanes.HXY], s[lanes.HYY]]])
     return s[lanes.ENERGY], gradient, hessian
@@ -82,10 +82,10 @@ def trial(mesh, v, z, energy):
     star, s, n_quads, n_triangles = lane(mesh, v)
     s[lanes.PX], s[lanes.PY], s[lanes.MARGIN] = *z, math.inf
     for k in range(n_quads):
-        newton_sweep._try_quad(star, s, k * lanes.ROW6, 1, terms(energy))
+        newton_sweep.try_quad(star, s, k * lanes.ROW6, 1, terms(energy))
     for k in range(n_triangles):
         row = n_quads * lanes.ROW6 + k * lanes.ROW4
-        newton_sweep._try_triangle(star, s, row, 1, terms(energy))
+        newton_sweep.try_triangle(star, s, row, 1, terms(energy))
     return s[lanes.TRIAL], s[lanes.MARGIN]
 
 

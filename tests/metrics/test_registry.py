@@ -255,7 +255,7 @@ def test_a_broken_cell_does_not_look_good(metric, corners):
         return
     assert not math.isnan(value)
     if metric.blind:
-        return
+        pytest.skip("says nothing of broken cells, and says so")
     worst = metric.worst_of(own[metric.name])
     # An inner edge's figure is that of both its cells.
     assert value == worst or metric.higher_is_better == (value < worst)

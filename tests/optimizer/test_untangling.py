@@ -182,3 +182,12 @@ def test_two_threads_untangle_to_the_bits_of_one(seed):
     one, two = (untangle(mesh, threads=threads, max_sweeps=12) for threads in (1, 2))
     assert one.before.n_invalid > one.after.n_invalid
     assert one.points.tobytes() == two.points.tobytes()
+
+
+@pytest.mark.nojit
+def test_what_is_fixed_and_not_valid_is_proven_and_has_not_converged():
+    # A dart of four fixed vertices: its inner corner is over 180 degrees for good.
+    result = untangle(Mesh([(0, 0), (2, 0), (0.5, 0.5), (0, 2)], [(0, 1, 2, 3)]))
+    assert result.outcome.stop is Stop.STUCK
+    assert not result.converged
+    assert (result.outcome.invalid.proven, result.outcome.invalid.first_proven) == (1, 0)

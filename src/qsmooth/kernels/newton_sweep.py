@@ -86,7 +86,7 @@ class Wall(NamedTuple):
     squarings: int
 
 
-class _Terms(NamedTuple):
+class Terms(NamedTuple):
     """A `Wall` as the loops need it: one over its threshold, and its power as a float."""
 
     mean_weight: float
@@ -96,9 +96,9 @@ class _Terms(NamedTuple):
 
 
 @helper()
-def _for_triangles(terms: _Terms) -> _Terms:
+def _for_triangles(terms: Terms) -> Terms:
     """Measure badness in triangles, where the sine of 60 degrees is ideal: the wall alone."""
-    return _Terms(0.0, terms.scale * SINE_60, terms.squarings, terms.power)
+    return Terms(0.0, terms.scale * SINE_60, terms.squarings, terms.power)
 
 
 @lane_helper()
@@ -118,7 +118,7 @@ def _add_corner(
     det: Linear,
     uu: Quadratic,
     ww: Quadratic,
-    terms: _Terms,
+    terms: Terms,
     s: FloatArray,
     i: int,
 ) -> None:
@@ -156,7 +156,8 @@ def _add_corner(
 
 
 @helper()
-def _add_quad(star: FloatArray, s: FloatArray, k: int, n: int, terms: _Terms) -> None:
+def add_quad(star: FloatArray, s: FloatArray, k: int, n: int, terms: Terms) -> None:
+    """Add what a quad of each star adds to the energy and its derivatives."""
     for i in range(n):
         px, py = s[X + i], s[Y + i]
         ax, ay = star[k + i] - px, star[k + ROW + i] - py
@@ -173,7 +174,8 @@ def _add_quad(star: FloatArray, s: FloatArray, k: int, n: int, terms: _Terms) ->
 
 
 @helper()
-def _add_triangle(star: FloatArray, s: FloatArray, k: int, n: int, terms: _Terms) -> None:
+def add_triangle(star: FloatArray, s: FloatArray, k: int, n: int, terms: Terms) -> None:
+    """Add what a triangle of each star adds to the energy and its derivatives."""
     wall = _for_triangles(terms)
     for i in range(n):
         px, py = s[X + i], s[Y + i]
@@ -190,7 +192,7 @@ def _add_triangle(star: FloatArray, s: FloatArray, k: int, n: int, terms: _Terms
 
 @lane_helper()
 def _try_corner(
-    left: float, right: float, n: float, uu: float, ww: float, terms: _Terms, s: FloatArray, i: int
+    left: float, right: float, n: float, uu: float, ww: float, terms: Terms, s: FloatArray, i: int
 ) -> None:
     """Add a corner's energy, and keep the least margin by which its area is certified positive."""
     det = left - right
@@ -202,7 +204,8 @@ def _try_corner(
 
 
 @helper()
-def _try_quad(star: FloatArray, s: FloatArray, k: int, n: int, terms: _Terms) -> None:
+def try_quad(star: FloatArray, s: FloatArray, k: int, n: int, terms: Terms) -> None:
+    """Add the energy of a quad of each star at the trial places."""
     # All differences are of stored coordinates, and each determinant is taken about one of its
     # points, as the error bound asks.
     for i in range(n):
@@ -225,7 +228,8 @@ def _try_quad(star: FloatArray, s: FloatArray, k: int, n: int, terms: _Terms) ->
 
 
 @helper()
-def _try_triangle(star: FloatArray, s: FloatArray, k: int, n: int, terms: _Terms) -> None:
+def try_triangle(star: FloatArray, s: FloatArray, k: int, n: int, terms: Terms) -> None:
+    """Add the energy of a triangle of each star at the trial places."""
     wall = _for_triangles(terms)
     for i in range(n):
         ax, ay, cx, cy = star[k + i], star[k + ROW + i], star[k + ROW2 + i], star[k + ROW3 + i]
@@ -249,7 +253,7 @@ def _move_block(
     stars: TableArray,
     block: Block,
     relaxation: float,
-    terms: _Terms,
+    terms: Terms,
     star_xy: FloatArray,
     s: FloatArray,
     lengths: FloatArray,
@@ -258,9 +262,9 @@ def _move_block(
     n, quads, triangles = block.size, block.n_quads, block.n_triangles
     triangle_rows = quads * ROW6
     for k in range(quads):
-        _add_quad(star_xy, s, k * ROW6, n, terms)
+        add_quad(star_xy, s, k * ROW6, n, terms)
     for k in range(triangles):
-        _add_triangle(star_xy, s, triangle_rows + k * ROW4, n, terms)
+        add_triangle(star_xy, s, triangle_rows + k * ROW4, n, terms)
     left = newton_step(s, n)
     fraction = relaxation
     for attempt in range(len(FRACTIONS) + 1):
@@ -268,9 +272,9 @@ def _move_block(
             break
         start_trial(s, n, fraction)
         for k in range(quads):
-            _try_quad(star_xy, s, k * ROW6, n, terms)
+            try_quad(star_xy, s, k * ROW6, n, terms)
         for k in range(triangles):
-            _try_triangle(star_xy, s, triangle_rows + k * ROW4, n, terms)
+            try_triangle(star_xy, s, triangle_rows + k * ROW4, n, terms)
         left = store_better(xy, vertices, block, s, lengths)
         fraction = FRACTIONS[min(attempt, len(FRACTIONS) - 1)]
 
@@ -302,7 +306,7 @@ def newton_sweep(
         Overwritten for the vertices of these colours, in block order. Length of each move.
     """
     # Not in a helper: a parallel loop has to see the class of a tuple that it takes.
-    terms = _Terms(wall.mean_weight, 1.0 / wall.threshold, wall.squarings, 2.0**wall.squarings)
+    terms = Terms(wall.mean_weight, 1.0 / wall.threshold, wall.squarings, 2.0**wall.squarings)
     colour_blocks, table, vertices, stars, largest = blocks
     for colour in range(colours[0], colours[1]):
         for b in prange(colour_blocks[colour], colour_blocks[colour + 1]):

@@ -55,11 +55,14 @@ class _Staged(Method):
                 lanes = Lanes(mesh.topology, stars, engine)
                 found = self.stages(lanes, mesh.xy.copy(), before, progress)
                 result = stored(mesh, found.xy)
-                invalid = with_proof(invalid_cells(before, quality(result)), lanes, result.xy)
+                invalid = invalid_cells(before, quality(result))
+        movable = np.zeros(mesh.n_vertices, np.bool_)
+        movable[stars.vertices] = True
+        invalid = with_proof(invalid, mesh.topology, result.xy, movable)
         bounds = self.bounds(result) if stars.vertices.size else None
         seconds = progress.seconds
         stop = progress.stop or self.finished(found, invalid)
-        if not stars.vertices.size:
+        if not stars.vertices.size and stop is not Stop.STUCK:
             stop = Stop.NOTHING_MOVES
         after = quality(result)
         return SmoothResult(
@@ -95,7 +98,7 @@ class _Staged(Method):
         raise NotImplementedError
 
     def finished(self, found: _Found, invalid: Invalid | None) -> Stop:
-        """Why it stopped where no limit of the caller was reached."""
+        """Why it stopped where what the caller allows was not used up."""
         raise NotImplementedError
 
     def bounds(self, result: Mesh) -> object:
@@ -159,7 +162,7 @@ class Optimize(_Staged):
         return _Found(best.xy, best.reached_target(), best.trades, best.forbidden)
 
     def finished(self, found: _Found, invalid: Invalid | None) -> Stop:
-        """Why it stopped where no limit of the caller was reached."""
+        """Why it stopped where what the caller allows was not used up."""
         return Stop.TARGET_QUALITY if found.reached_target else Stop.SETTLED
 
     def bounds(self, result: Mesh) -> object:
@@ -197,5 +200,5 @@ class Untangle(_Staged):
         return _Found(xy)
 
     def finished(self, found: _Found, invalid: Invalid | None) -> Stop:
-        """Why it stopped where no limit of the caller was reached."""
+        """Why it stopped where what the caller allows was not used up."""
         return Stop.STUCK if invalid is not None and invalid.after else Stop.VALID

@@ -43,7 +43,10 @@ def untangle(lanes: Lanes, xy: FloatArray, progress: Progress) -> None:
     sizes = local_sizes(lanes.topology, xy)
     smallest = np.empty(lanes.topology.n_cells)
     best_count, best_xy = lanes.quality(xy).n_invalid, xy.copy()
-    n_hopeless, n_before = int(hopeless_cells(lanes, xy).sum()), progress.sweeps
+    n_hopeless, n_before = (
+        int(hopeless_cells(lanes.topology, xy, lanes.movable).sum()),
+        progress.sweeps,
+    )
     floor, least, patience = FLOOR, -np.inf, PATIENCE
     while best_count > n_hopeless and not progress.spent():
         smallest_determinant(xy, *cells, sizes, smallest)
@@ -69,21 +72,26 @@ def untangle(lanes: Lanes, xy: FloatArray, progress: Progress) -> None:
         lanes.report(xy, lanes.quality(xy), progress)
 
 
-def with_proof(invalid: Invalid | None, lanes: Lanes, xy: FloatArray) -> Invalid | None:
-    """Say for which of the cells that stay invalid it is proven that they must."""
+def with_proof(
+    invalid: Invalid | None, topology: Topology, xy: FloatArray, movable: BoolArray
+) -> Invalid | None:
+    """Say for which of the cells that stay invalid it is proven that they must.
+
+    `movable`, (n_vertices,), marks the vertices that could move.
+    """
     if invalid is None or not invalid.after:
         return invalid
-    hopeless = hopeless_cells(lanes, xy)
+    hopeless = hopeless_cells(topology, xy, movable)
     proven = int(hopeless.sum())
     return replace(invalid, proven=proven, first_proven=int(np.argmax(hopeless)) if proven else -1)
 
 
-def hopeless_cells(lanes: Lanes, xy: FloatArray) -> BoolArray:
+def hopeless_cells(topology: Topology, xy: FloatArray, movable: BoolArray) -> BoolArray:
     """Mark the cells that no move can make valid, (n_cells,)."""
     from qsmooth.kernels import untangle_sweep as kernels
 
-    hopeless = np.empty(lanes.topology.n_cells, np.bool_)
-    kernels.hopeless_cells(xy, *lanes.topology.cells, lanes.movable, hopeless)
+    hopeless = np.empty(topology.n_cells, np.bool_)
+    kernels.hopeless_cells(xy, *topology.cells, movable, hopeless)
     return hopeless
 
 
