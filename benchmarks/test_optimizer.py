@@ -47,7 +47,7 @@ def _power(x, squarings):
 
 
 @plain
-def _corner(vx, vy, bx, by, dx, dy, du, dw, third, scale, soft, weight, inv_limit, squarings):
+def _corner(vx, vy, bx, by, dx, dy, du, dw, third, scale, soft, weight, inv_threshold, squarings):
     """Energy of the corner at v between b and d, its gradient and Hessian.
 
     The vertex that moves changes the edges u and w by du and dw; a triangle's energy has `third`,
@@ -70,13 +70,13 @@ def _corner(vx, vy, bx, by, dx, dy, du, dw, third, scale, soft, weight, inv_limi
         exx = weight * (n2 - 2.0 * fx * detx) * inv
         exy = -weight * (fx * dety + fy * detx) * inv
         eyy = weight * (n2 - 2.0 * fy * dety) * inv
-    if inv_limit > 0.0:
+    if inv_threshold > 0.0:
         t = math.sqrt(ww / uu)
         g = uu * t * inv
         gx = (du * ux * t + dw * wx / t - g * detx) * inv
         gy = (du * uy * t + dw * wy / t - g * dety) * inv
         power = 2.0**squarings
-        high = _power(g * inv_limit, squarings)
+        high = _power(g * inv_threshold, squarings)
         first = power * high / g
         second = (power - 1.0) * first / g
         n2 = du * du * t + dw * dw / t
@@ -88,7 +88,7 @@ def _corner(vx, vy, bx, by, dx, dy, du, dw, third, scale, soft, weight, inv_limi
 
 
 @plain
-def _energy(vx, vy, bx, by, dx, dy, third, scale, soft, weight, inv_limit, squarings):
+def _energy(vx, vy, bx, by, dx, dy, third, scale, soft, weight, inv_threshold, squarings):
     """Energy of the corner at v between b and d, infinite where it is not positive."""
     ux, uy, wx, wy = bx - vx, by - vy, dx - vx, dy - vy
     value, _ = _stand_in(ux * wy - uy * wx, soft)
@@ -98,8 +98,8 @@ def _energy(vx, vy, bx, by, dx, dy, third, scale, soft, weight, inv_limit, squar
     e = 0.0
     if weight > 0.0:
         e = weight * scale * (uu + ww - third * (ux * wx + uy * wy)) / value
-    if inv_limit > 0.0:
-        e += _power(math.sqrt(uu * ww) / value * inv_limit, squarings)
+    if inv_threshold > 0.0:
+        e += _power(math.sqrt(uu * ww) / value * inv_threshold, squarings)
     return e
 
 
@@ -154,9 +154,9 @@ def _star_energy(xy, x, y, first, last, corners, soft, weight, wall, squarings):
 
 
 @plain
-def plain_sweep(xy, vertices, offsets, corners, sizes, epsilon, weight, limit, squarings):
+def plain_sweep(xy, vertices, offsets, corners, sizes, epsilon, weight, threshold, squarings):
     """Vertex by vertex what the block kernels do; epsilon 0 for the Newton sweep."""
-    wall = 1.0 / limit if epsilon == 0.0 else 0.0
+    wall = 1.0 / threshold if epsilon == 0.0 else 0.0
     for i in range(vertices.size):
         v = vertices[i]
         x, y = xy[v, 0], xy[v, 1]

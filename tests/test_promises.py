@@ -52,7 +52,10 @@ def test_the_bits_are_the_same_however_it_runs(known, data):
 def test_results_turn_scale_shift_and_mirror_with_the_input(
     known, made, data, scale, turn, shift, mirror
 ):
-    method = data.draw(promises.methods(known, most_sweeps=4))
+    # With the defaults: bad_step=2, for one, mirrors a vertex between its neighbours, so that its
+    # clearance is exactly what it was and rounding decides. In any unit that is a power of two the
+    # bits are the same with any options; see the next test.
+    method = known(max_sweeps=data.draw(st.integers(1, 4)))
     if not method.why_not(made.mesh):
         promises.follows_the_input(made, method, scale=scale, turn=turn, shift=shift, mirror=mirror)
 

@@ -10,8 +10,6 @@ from meshes import random_mesh
 from qsmooth import History, Mesh, SweepRecord, quality, smooth
 from qsmooth.wording import reason
 
-pytestmark = pytest.mark.nojit
-
 
 def record(n):
     return SweepRecord(
@@ -20,6 +18,7 @@ def record(n):
     )  # fmt: skip
 
 
+@pytest.mark.nojit
 def test_the_history_is_a_tuple_with_columns():
     history = History(record(n) for n in range(3))
     assert history == tuple(record(n) for n in range(3))
@@ -35,6 +34,7 @@ def test_the_history_is_a_tuple_with_columns():
     assert hash(history) == hash(tuple(history))
 
 
+@pytest.mark.nojit
 def test_a_column_that_is_none():
     for history in (History(), History([record(1)])):
         with pytest.raises(KeyError, match=r"no column 'min_angel' in the history; did you mean"):
@@ -51,6 +51,7 @@ def result():
     return smooth(random_mesh("quads", 4, seed=1, amount=0.9).mesh, "star", max_sweeps=3)
 
 
+@pytest.mark.nojit
 def test_what_a_result_is_short_for(result):
     assert result.points is result.mesh.points
     assert result.method == result.outcome.method == "star"
@@ -60,6 +61,7 @@ def test_what_a_result_is_short_for(result):
     assert "history" not in repr(result), "which is long"
 
 
+@pytest.mark.nojit
 def test_plain_values(result):
     plain = json.loads(json.dumps(result.to_dict(), allow_nan=False))
     assert (plain["method"], plain["sweeps"], plain["converged"]) == ("star", 3, False)

@@ -115,7 +115,7 @@ class SmoothResult:
 
     @property
     def converged(self) -> bool:
-        """Whether it stopped by itself, and neither at a limit of the caller nor stuck."""
+        """Whether it stopped by itself, and was neither cut short nor stuck."""
         return self.outcome.stop.by_itself
 
     @property

@@ -7,8 +7,6 @@ import pytest
 
 from qsmooth import quality, read_mesh
 
-pytestmark = pytest.mark.nojit
-
 
 def test_demo_needs_no_file(call, tmp_path, monkeypatch):
     pytest.importorskip("matplotlib")

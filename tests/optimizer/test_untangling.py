@@ -364,5 +364,13 @@ def test_where_nothing_moves_what_is_invalid_is_proven_too(known):
     points, cells = grid(1, 1)
     points[0] = 0.8, 0.8
     result = check(Mesh(points, cells), known()).result
-    assert result.outcome.stop is Stop.NOTHING_MOVES
     assert result.outcome.invalid == Invalid(before=1, after=1, first=0, proven=1, first_proven=0)
+
+
+@pytest.mark.nojit
+def test_what_is_fixed_and_not_valid_is_proven_and_has_not_converged():
+    # A dart of four fixed vertices: its inner corner is over 180 degrees for good.
+    result = untangle(Mesh([(0, 0), (2, 0), (0.5, 0.5), (0, 2)], [(0, 1, 2, 3)]))
+    assert result.outcome.stop is Stop.STUCK
+    assert not result.converged
+    assert (result.outcome.invalid.proven, result.outcome.invalid.first_proven) == (1, 0)

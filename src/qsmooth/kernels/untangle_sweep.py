@@ -54,7 +54,7 @@ SOFT = OWN
 
 
 @lane_helper()
-def _regularised(det: Linear, soft: float) -> Linear:
+def regularised(det: Linear, soft: float) -> Linear:
     """Positive stand-in for a determinant, taken to be linear; `soft` is ε r.
 
     With a linear denominator the Hessian of the energy is never indefinite.
@@ -67,60 +67,64 @@ def _regularised(det: Linear, soft: float) -> Linear:
 
 
 @helper()
-def _add_quad(star: FloatArray, s: FloatArray, k: int, n: int) -> None:
+def add_quad(star: FloatArray, s: FloatArray, k: int, n: int) -> None:
+    """Add what a quad of each star adds to the energy and its derivatives."""
     for i in range(n):
         px, py, soft = s[X + i], s[Y + i], s[SOFT + i]
         ax, ay = star[k + i] - px, star[k + ROW + i] - py
         bx, by = star[k + ROW2 + i] - px, star[k + ROW3 + i] - py
         cx, cy = star[k + ROW4 + i] - px, star[k + ROW5 + i] - py
         va, vc = half_square(ax, ay), half_square(cx, cy)
-        det = _regularised(determinant(ax, ay, cx, cy), soft)
+        det = regularised(determinant(ax, ay, cx, cy), soft)
         add_energy(square_numerator(va, vc), det, 1.0, s, i)
         ex, ey = bx - ax, by - ay
-        det = _regularised(determinant_to_previous(ex, ey, -ax, -ay), soft)
+        det = regularised(determinant_to_previous(ex, ey, -ax, -ay), soft)
         add_energy(square_numerator(fixed_half_square(ex, ey), va), det, 1.0, s, i)
         ex, ey = bx - cx, by - cy
-        det = _regularised(determinant_to_next(-cx, -cy, ex, ey), soft)
+        det = regularised(determinant_to_next(-cx, -cy, ex, ey), soft)
         add_energy(square_numerator(vc, fixed_half_square(ex, ey)), det, 1.0, s, i)
 
 
 @helper()
-def _add_triangle(star: FloatArray, s: FloatArray, k: int, n: int) -> None:
+def add_triangle(star: FloatArray, s: FloatArray, k: int, n: int) -> None:
+    """Add what a triangle of each star adds to the energy and its derivatives."""
     for i in range(n):
         px, py = s[X + i], s[Y + i]
         ax, ay = star[k + i] - px, star[k + ROW + i] - py
         cx, cy = star[k + ROW2 + i] - px, star[k + ROW3 + i] - py
         va, vc, ac = half_square(ax, ay), half_square(cx, cy), fixed_half_square(cx - ax, cy - ay)
-        det = _regularised(determinant(ax, ay, cx, cy), s[SOFT + i])
+        det = regularised(determinant(ax, ay, cx, cy), s[SOFT + i])
         add_energy(equilateral_numerator(va, vc, ac), det, 1.0, s, i)
 
 
 @helper()
-def _try_quad(star: FloatArray, s: FloatArray, k: int, n: int) -> None:
+def try_quad(star: FloatArray, s: FloatArray, k: int, n: int) -> None:
+    """Add the energy of a quad of each star at the trial places."""
     for i in range(n):
         px, py, soft = s[PX + i], s[PY + i], s[SOFT + i]
         ax, ay = star[k + i] - px, star[k + ROW + i] - py
         bx, by = star[k + ROW2 + i] - px, star[k + ROW3 + i] - py
         cx, cy = star[k + ROW4 + i] - px, star[k + ROW5 + i] - py
         va, vc = half_square(ax, ay), half_square(cx, cy)
-        det = _regularised(determinant(ax, ay, cx, cy), soft)
+        det = regularised(determinant(ax, ay, cx, cy), soft)
         s[TRIAL + i] += square_numerator(va, vc).value / det.value
         ex, ey = bx - ax, by - ay
-        det = _regularised(determinant_to_previous(ex, ey, -ax, -ay), soft)
+        det = regularised(determinant_to_previous(ex, ey, -ax, -ay), soft)
         s[TRIAL + i] += square_numerator(fixed_half_square(ex, ey), va).value / det.value
         ex, ey = bx - cx, by - cy
-        det = _regularised(determinant_to_next(-cx, -cy, ex, ey), soft)
+        det = regularised(determinant_to_next(-cx, -cy, ex, ey), soft)
         s[TRIAL + i] += square_numerator(fixed_half_square(ex, ey), vc).value / det.value
 
 
 @helper()
-def _try_triangle(star: FloatArray, s: FloatArray, k: int, n: int) -> None:
+def try_triangle(star: FloatArray, s: FloatArray, k: int, n: int) -> None:
+    """Add the energy of a triangle of each star at the trial places."""
     for i in range(n):
         px, py = s[PX + i], s[PY + i]
         ax, ay = star[k + i] - px, star[k + ROW + i] - py
         cx, cy = star[k + ROW2 + i] - px, star[k + ROW3 + i] - py
         va, vc, ac = half_square(ax, ay), half_square(cx, cy), fixed_half_square(cx - ax, cy - ay)
-        det = _regularised(determinant(ax, ay, cx, cy), s[SOFT + i])
+        det = regularised(determinant(ax, ay, cx, cy), s[SOFT + i])
         s[TRIAL + i] += equilateral_numerator(va, vc, ac).value / det.value
 
 
@@ -143,9 +147,9 @@ def _move_block(
         s[SOFT + i] = epsilon * sizes[vertices[block.first + i]]
     triangle_rows = quads * ROW6
     for k in range(quads):
-        _add_quad(star_xy, s, k * ROW6, n)
+        add_quad(star_xy, s, k * ROW6, n)
     for k in range(triangles):
-        _add_triangle(star_xy, s, triangle_rows + k * ROW4, n)
+        add_triangle(star_xy, s, triangle_rows + k * ROW4, n)
     left = newton_step(s, n)
     fraction = relaxation
     for attempt in range(len(FRACTIONS) + 1):
@@ -153,9 +157,9 @@ def _move_block(
             break
         start_trial(s, n, fraction)
         for k in range(quads):
-            _try_quad(star_xy, s, k * ROW6, n)
+            try_quad(star_xy, s, k * ROW6, n)
         for k in range(triangles):
-            _try_triangle(star_xy, s, triangle_rows + k * ROW4, n)
+            try_triangle(star_xy, s, triangle_rows + k * ROW4, n)
         # No margin is asked for: the mesh need not be valid.
         left = store_better(xy, vertices, block, s, lengths)
         fraction = FRACTIONS[min(attempt, len(FRACTIONS) - 1)]

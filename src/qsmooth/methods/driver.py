@@ -118,7 +118,7 @@ class SweepingMethod(Method):
         return [(Aim.ALL_CELLS, self.max_sweeps)]
 
     def run(self, mesh: Mesh, chosen: str = "") -> SmoothResult:
-        """Sweep until every vertex rests, quality no longer improves, or a limit is reached."""
+        """Sweep until every vertex rests, quality no longer improves, or no more is allowed."""
         before = quality(mesh)
         summary = before.summary()
         cut = self._cut(mesh)
@@ -238,8 +238,8 @@ class _Run:
         )
 
     def _why_stop(self, records: list[SweepRecord]) -> Stop | None:
-        limit = self.method.time_limit
-        if limit is not None and self.seconds >= limit:
+        allowed = self.method.time_limit
+        if allowed is not None and self.seconds >= allowed:
             return Stop.TIME_LIMIT
         if self.method.rtol == 0.0:
             return None

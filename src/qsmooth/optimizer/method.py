@@ -144,7 +144,7 @@ class _Staged(Method):
         bounds = self.bounds(result) if n_movable else None
         seconds = progress.seconds
         stop = progress.stop or self.finished(found, invalid)
-        if not n_movable:
+        if not n_movable and stop is not Stop.STUCK:
             stop = Stop.NOTHING_MOVES
         after = quality(result)
         start = before
@@ -186,7 +186,7 @@ class _Staged(Method):
         raise NotImplementedError
 
     def finished(self, found: _Found, invalid: Invalid | None) -> Stop:
-        """Why it stopped where no limit of the caller was reached."""
+        """Why it stopped where what the caller allows was not used up."""
         raise NotImplementedError
 
     def bounds(self, result: Mesh) -> object:
@@ -401,5 +401,5 @@ class Untangle(_Staged):
         return _Found(xy)
 
     def finished(self, found: _Found, invalid: Invalid | None) -> Stop:
-        """Why it stopped where no limit of the caller was reached."""
+        """Why it stopped where what the caller allows was not used up."""
         return Stop.STUCK if invalid is not None and invalid.after else Stop.VALID

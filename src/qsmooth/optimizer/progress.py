@@ -22,14 +22,14 @@ ROUND = 10
 
 
 class Progress:
-    """How far a run is: sweeps, stages, history, and whether a limit of the caller is reached.
+    """How far a run is: sweeps, stages, history, and whether what the caller allows is used up.
 
     Attributes
     ----------
     sweeps, steps
         Sweeps over the vertices and Newton steps on all of them so far.
     stop
-        The caller's limit that was reached, None so far.
+        What the caller allows that is used up, None so far.
     """
 
     def __init__(self, options: Method, before: Summary) -> None:
@@ -47,11 +47,11 @@ class Progress:
         return time.perf_counter() - self._started
 
     def spent(self) -> bool:
-        """Whether a limit that the caller set is reached."""
-        limit = self._options.time_limit
+        """Whether what the caller allows is used up."""
+        allowed = self._options.time_limit
         if self.sweeps >= self._options.max_sweeps:
             self.stop = Stop.MAX_SWEEPS
-        elif limit is not None and self.seconds >= limit:
+        elif allowed is not None and self.seconds >= allowed:
             self.stop = Stop.TIME_LIMIT
         return self.stop is not None
 
