@@ -37,6 +37,8 @@ class Figures:
         The same towards squares and equilateral triangles.
     n_invalid
         Cells that are not valid.
+    least_shape
+        One over the energy of the worst of all corners towards its target.
     resized
         Mean over the cells of γ |log τ|, τ the area over its target, γ how much that counts.
     """
@@ -45,6 +47,7 @@ class Figures:
     shape: float
     plain_shape: float
     n_invalid: int
+    least_shape: float = 0.0
     resized: float = 0.0
 
     def better(self, other: Figures) -> bool:
@@ -129,6 +132,21 @@ class Best:
         self.xy[:], self.figures = xy, now
         return True
 
+    def mark(self) -> tuple[FloatArray, Figures]:
+        """Keep the best so far, to come back to it."""
+        return self.xy.copy(), self.figures
+
+    def pays_since(self, mark: tuple[FloatArray, Figures]) -> bool:
+        """Whether the worst corner gained more since then than the worst shape lost."""
+        old, new = mark[1], self.figures
+        if new.n_invalid < old.n_invalid:
+            return True
+        return new.free_jacobian * new.least_shape > old.free_jacobian * old.least_shape
+
+    def back_to(self, mark: tuple[FloatArray, Figures]) -> None:
+        """Take what was kept for the best."""
+        self.xy[:], self.figures = mark
+
     def floor(self) -> float:
         """Mean shape that the worst cells may not cost more than."""
         return (1.0 - self._mean_loss) * self.best_shape
@@ -160,9 +178,11 @@ class Best:
     def measure(self, xy: FloatArray) -> Figures:
         """Measure coordinates, (n, 2)."""
         quality = self.lanes.quality(xy)
+        shape = 1.0 / self.lanes.worst_shape(xy)
         return Figures(
             free_jacobian=1.0 / float(self.lanes.energy(xy)[0].max()),
-            shape=float((1.0 / self.lanes.worst_shape(xy)).mean()),
+            shape=float(shape.mean()),
+            least_shape=float(shape.min()),
             plain_shape=float(np.mean(quality.shape)),
             n_invalid=quality.n_invalid,
             resized=self._resized(quality),

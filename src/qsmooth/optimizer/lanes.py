@@ -145,9 +145,10 @@ class Lanes:
             slim=np.zeros(cells.size),
         )
 
-    def wall_off(self, xy: FloatArray) -> None:
-        """Put a wall on each cell's shape, a little beyond what it is now."""
+    def wall_off(self, xy: FloatArray, looser: float = 1.0) -> None:
+        """Put a wall on each cell's shape, a little beyond what it is now, or farther."""
         slim = 1.0 / np.maximum(SLIMMER * self.worst_shape(xy), LEAST_SLIM)
+        slim[~self.targets.is_layer] /= looser
         weight = np.where(self.targets.is_layer, LAYER_WEIGHT, 1.0) * self.targets.size_weight
         cells = self._blocks.cells
         self._rows = self._rows._replace(slim=slim[cells], size_weight=weight[cells])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from qsmooth._types import FloatArray
@@ -26,9 +28,12 @@ GLOBAL_GAIN = 2e-2
 WALLS = ((2, 0.7), (3, 0.8), (4, 0.85), (5, 0.9), (6, 0.9), (6, 0.95))
 # Rounds without a better result after which the next wall is put up.
 WALL_PATIENCE = 2
-# Rounds at most in which the mean gets back what the worst cells do not need, and what a round must
-# gain for another.
-RELAX_ROUNDS, RELAX_GAIN = 12, 1e-3
+# At last these walls once more, with walls on the shapes that stand this much farther back.
+LAST_WALLS, LOOSER = 3, 2.0
+# Rounds at most in which the mean gets back what the worst cells do not need, what a round must
+# gain for another, and how much the mean counts beside the wall.
+RELAX_ROUNDS, RELAX_GAIN, RELAX_WEIGHT = 12, 1e-3, 32.0
+RELAX_SHARE = 1.0
 
 
 def improve_mean(
@@ -86,12 +91,26 @@ def mend_worst(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> 
 
     Parameters are those of `improve_mean`.
     """
-    from qsmooth.kernels.newton_sweep import Wall
-
     lanes.wall_off(xy)
     best.limit_sizes()
+    _push(lanes, xy, best, progress, WALLS)
+    strict = best.mark()
+    xy[:] = best.xy
+    lanes.wall_off(xy, LOOSER)
+    _push(lanes, xy, best, progress, WALLS[-LAST_WALLS:])
+    if not best.pays_since(strict):
+        best.back_to(strict)
+    _relax(lanes, xy, best, progress)
+
+
+def _push(
+    lanes: Lanes, xy: FloatArray, best: Best, progress: Progress, walls: Sequence[tuple[int, float]]
+) -> None:
+    """Put these walls up one after the other."""
+    from qsmooth.kernels.newton_sweep import Wall
+
     weight = 1.0
-    for squarings, share in WALLS:
+    for squarings, share in walls:
         patience, updates = WALL_PATIENCE, best.updates
         while patience and not progress.spent() and not best.good_enough():
             worst = _largest(lanes.energy(xy)[0])
@@ -101,7 +120,6 @@ def mend_worst(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> 
             weight = max(1.0, 0.5 * weight) if best.affords(now) else 2.0 * weight
             patience = WALL_PATIENCE if best.updates > updates else patience - 1
             updates = best.updates
-    _relax(lanes, xy, best, progress)
 
 
 def _relax(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> None:
@@ -116,7 +134,8 @@ def _relax(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> None
     for _ in range(RELAX_ROUNDS):
         if progress.spent():
             break
-        lanes.newton(xy, Wall(1.0, np.inf, 1), progress)
+        # The wall stands where the worst corner is: caps alone would stop vertices one by one.
+        lanes.newton(xy, Wall(RELAX_WEIGHT, RELAX_SHARE * _largest(lanes.energy(xy)[0]), WALLS[-1][0]), progress)
         before, energy = energy, _total(lanes.energy(xy)[1])
         if not best.relaxed(xy) or energy >= before * (1.0 - RELAX_GAIN):
             break
