@@ -21,6 +21,7 @@ LEAST_FORBIDDEN = 1e-2
 MOST_RESIZED = 0.06
 # Areas count as this multiple of their target at least.
 TINY = 1e-6
+WORTH = 0.1
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,12 @@ class Figures:
     plain_shape: float
     n_invalid: int
     least_shape: float = 0.0
+    low: float = 0.0
     resized: float = 0.0
+
+    @property
+    def value(self) -> float:
+        return self.shape * self.low * self.least_shape ** WORTH
 
     def better(self, other: Figures) -> bool:
         """Whether the worst corner is better, or about as good with a better mean."""
@@ -127,7 +133,7 @@ class Best:
         now = self.measure(xy)
         self.lanes.report(xy, self.lanes.quality(xy), self.progress)
         self.best_shape = max(self.best_shape, now.shape)
-        if now.shape < self.figures.shape - LEAST_GAIN or not self.affords(now):
+        if now.value < self.figures.value or not self.affords(now):
             return False
         self.xy[:], self.figures = xy, now
         return True
@@ -179,8 +185,10 @@ class Best:
         """Measure coordinates, (n, 2)."""
         quality = self.lanes.quality(xy)
         shape = 1.0 / self.lanes.worst_shape(xy)
+        badness = self.lanes.energy(xy)[0]
         return Figures(
-            free_jacobian=1.0 / float(self.lanes.energy(xy)[0].max()),
+            free_jacobian=1.0 / float(badness.max()),
+            low=float(np.percentile(quality.min_angle, 1.0)),
             shape=float(shape.mean()),
             least_shape=float(shape.min()),
             plain_shape=float(np.mean(quality.shape)),

@@ -143,6 +143,7 @@ class Lanes:
             inv_area=inv_area[cells],
             size_weight=targets.size_weight[cells],
             slim=np.zeros(cells.size),
+            near=np.ones(cells.size),
         )
 
     def wall_off(self, xy: FloatArray, looser: float = 1.0) -> None:
@@ -152,6 +153,32 @@ class Lanes:
         weight = np.where(self.targets.is_layer, LAYER_WEIGHT, 1.0) * self.targets.size_weight
         cells = self._blocks.cells
         self._rows = self._rows._replace(slim=slim[cells], size_weight=weight[cells])
+
+    def far(self):
+        self._rows = self._rows._replace(near=np.ones(self._blocks.cells.size))
+
+    def near(self, xy: FloatArray, rings: int) -> None:
+        badness = self.energy(xy)[0]
+        worst = np.maximum(np.where(np.isfinite(badness), badness, 1.0), 1.0)
+        self._rows = self._rows._replace(near=(1.0 / self._around(worst, rings))[self._blocks.cells])
+
+    def near_by(self, xy: FloatArray, rings: int, share: float, least: float) -> None:
+        """Measure the walls by the worst of the cells around each cell."""
+        badness = self.energy(xy)[0]
+        worst = np.maximum(np.where(np.isfinite(badness), badness, 1.0), 1.0)
+        slim = self._around(self.worst_shape(xy), rings)
+        cells = self._blocks.cells
+        slim = 1.0 / np.maximum(share * slim, least)
+        self._rows = self._rows._replace(near=(1.0 / self._around(worst, rings))[cells], slim=slim[cells])
+
+    def _around(self, worst: FloatArray, rings: int) -> FloatArray:
+        offsets, vertices = self.topology.cells
+        counts = np.diff(offsets)
+        for _ in range(rings):
+            at = np.zeros(self.topology.n_vertices)
+            np.maximum.at(at, vertices, np.repeat(worst, counts))
+            worst = np.maximum.reduceat(at[vertices], offsets[:-1])
+        return worst
 
     def worst_shape(self, xy: FloatArray) -> FloatArray:
         """Largest shape energy of each cell's corners towards their targets, (n_cells,)."""
