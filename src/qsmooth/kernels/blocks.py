@@ -11,6 +11,7 @@ import numpy as np
 
 from qsmooth._types import BlockArray, FloatArray, IndexArray, TableArray
 from qsmooth.kernels._jit import inlined_helper, kernel
+from qsmooth.kernels.corner_energy import EQUILATERAL, SQUARE
 from qsmooth.kernels.stars import NO_VERTEX, Stars
 
 # Vertices in a block: enough to hide latencies, few enough that a large star stays in cache.
@@ -18,6 +19,10 @@ LANES = 64
 # Columns of `Blocks.table`.
 FIRST, SIZE, N_QUADS, N_TRIANGLES, STAR, ROWS = range(6)
 N_COLUMNS = 6
+# Flags of `Rows.asks`: other shapes than the ideal ones, sizes, walls on shape.
+SHAPES, SIZES, WALLS = 1, 2, 4
+# What differs by no more than this from the coefficients of an ideal shape is ideal.
+ROUNDING = 1e-15
 
 
 class Blocks(NamedTuple):
@@ -54,6 +59,9 @@ class Rows(NamedTuple):
 
     Attributes
     ----------
+    asks : (n_blocks,)
+        What a block asks for beside ideal shapes of any size: a sum of `SHAPES`, `SIZES`, `WALLS`.
+        What is not asked for there is not looked up.
     m11, m12, m22 : (n_rows,)
         The target shape at the corner of the vertex (`corner_energy.Target`); in quads m12 is 0.
     area, inv_area : (n_rows,)
@@ -64,6 +72,7 @@ class Rows(NamedTuple):
         One over the shape energy at which the wall on a cell's shape is 1 high; 0 for no wall.
     """
 
+    asks: IndexArray
     m11: FloatArray
     m12: FloatArray
     m22: FloatArray
@@ -71,6 +80,47 @@ class Rows(NamedTuple):
     inv_area: FloatArray
     size_weight: FloatArray
     slim: FloatArray
+    near: FloatArray
+
+
+def make_rows(
+    blocks: Blocks,
+    shapes: FloatArray,
+    area: FloatArray,
+    size_weight: FloatArray,
+    slim: FloatArray,
+) -> Rows:
+    """Put together what is asked of each row, and find out what each block asks for.
+
+    Parameters
+    ----------
+    shapes : (n_rows, 3)
+        m11, m12, m22.
+    area, size_weight, slim : (n_rows,)
+        As in `Rows`; areas where the weight is 0 do not count.
+    """
+    sizes, quads, triangles = (blocks.table[:, k].astype(np.int64) for k in (SIZE, N_QUADS, N_TRIANGLES))
+    counts = sizes * (quads + triangles)
+    block = np.repeat(np.arange(sizes.size), counts)
+    place = np.arange(block.size) - blocks.table[:, ROWS].astype(np.int64)[block]
+    is_triangle = place >= (sizes * quads)[block]
+    ideal = np.where(is_triangle[:, None], EQUILATERAL, SQUARE)
+    wanted = np.abs(shapes - ideal).max(axis=1) > ROUNDING, size_weight > 0.0, slim > 0.0
+    asks = np.zeros(sizes.size, np.int64)
+    for flag, rows in zip((SHAPES, SIZES, WALLS), wanted, strict=True):
+        asks[np.bincount(block[rows], minlength=sizes.size) > 0] |= flag
+    sized = (size_weight > 0.0) & (area > 0.0)
+    return Rows(
+        asks=asks,
+        m11=shapes[:, 0].copy(),
+        m12=shapes[:, 1].copy(),
+        m22=shapes[:, 2].copy(),
+        area=np.where(sized, area, 0.0),
+        inv_area=np.divide(1.0, area, out=np.zeros(area.size), where=sized),
+        size_weight=size_weight,
+        slim=slim,
+        near=np.ones(slim.size),
+    )
 
 
 class Block(NamedTuple):

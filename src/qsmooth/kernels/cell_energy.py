@@ -6,7 +6,7 @@ import numpy as np
 from numba import prange
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray
-from qsmooth.kernels._jit import parallel_kernel
+from qsmooth.kernels._jit import kernel, parallel_kernel
 from qsmooth.kernels.corner_energy import Target, corner_shape
 from qsmooth.kernels.star_energy import SINE_60
 
@@ -131,3 +131,31 @@ def worst_shape(
             worst = max(worst, n / det if det > 0.0 else np.inf)
             d = a
         out[c] = worst
+
+
+@kernel()
+def worst_around(
+    worst: FloatArray,
+    rings: int,
+    cell_offsets: IndexArray,
+    cell_vertices: IndexArray,
+    n_vertices: int,
+) -> FloatArray:
+    """Find the largest value among the cells of so many rings around each cell.
+
+    Parameters
+    ----------
+    worst : (n_cells,)
+        A value of each cell, 0 or more.
+    """
+    at, now = np.empty(n_vertices), worst.copy()
+    for _ in range(rings):
+        at[:] = 0.0
+        for c in range(now.size):
+            for k in range(cell_offsets[c], cell_offsets[c + 1]):
+                v = cell_vertices[k]
+                at[v] = max(at[v], now[c])
+        for c in range(now.size):
+            for k in range(cell_offsets[c], cell_offsets[c + 1]):
+                now[c] = max(now[c], at[cell_vertices[k]])
+    return now

@@ -24,7 +24,8 @@ from numba import prange
 
 from qsmooth._types import FloatArray, TableArray
 from qsmooth.kernels._jit import helper, parallel_kernel
-from qsmooth.kernels.blocks import LANES, Block, Blocks, Rows, block_at
+from qsmooth.kernels.blocks import LANES, SHAPES, SIZES, WALLS, Block, Blocks, Rows, block_at
+from qsmooth.kernels.corner_energy import EQUILATERAL
 from qsmooth.kernels.lanes import (
     FRACTIONS,
     LEAST_COSINE,
@@ -36,6 +37,8 @@ from qsmooth.kernels.lanes import (
     N_ROWS,
     ROW4,
     ROW6,
+    TODO,
+    LaneRange,
     gather_block,
     newton_step,
     start_trial,
@@ -43,12 +46,46 @@ from qsmooth.kernels.lanes import (
 )
 from qsmooth.kernels.star_energy import (
     RowArrays,
+    WallArrays,
     Terms,
     add_quad,
+    add_quad_size,
     add_triangle,
-    try_quad,
-    try_triangle,
+    add_triangle_size,
+    add_walled_quad,
+    add_walled_triangle,
 )
+from qsmooth.kernels.star_trials import (
+    hold_quad,
+    hold_triangle,
+    try_quad,
+    try_quad_size,
+    try_triangle,
+    try_triangle_size,
+    try_walled_quad,
+    try_walled_triangle,
+)
+
+# Up to so many lanes of a block are tried one by one, more of them all together.
+FEW = 6
+ONE = np.uint64(1)
+
+
+class Shapes(NamedTuple):
+    """Target shapes of a block: arrays for quads and triangles, first row, from cell to cell."""
+
+    quads: RowArrays
+    triangles: RowArrays
+    first: int
+    step: int
+
+
+class Asks(NamedTuple):
+    """What a block asks for besides shapes: walls, sizes, and more than angles to be held."""
+
+    walls: bool
+    sizes: bool
+    held: bool
 
 
 class Wall(NamedTuple):
@@ -70,6 +107,69 @@ class Wall(NamedTuple):
 
 
 @helper()
+def _gather_held(
+    vertices: TableArray, first: int, n: int, held: FloatArray, s: FloatArray
+) -> None:
+    """Look up what is held around each vertex: cosines and sine squared, with their signs."""
+    for i in range(n):
+        v = vertices[first + i]
+        most, least, sine = held[v, 0], held[v, 1], held[v, 2]
+        s[MOST_COSINE + i], s[LEAST_COSINE + i] = most * abs(most), least * abs(least)
+        s[LEAST_SINE + i] = sine * abs(sine)
+    if held.shape[1] > 3:
+        for i in range(n):
+            v = vertices[first + i]
+            s[MOST_RATIO + i], s[MOST_SHAPE + i] = held[v, 3], held[v, 4]
+            s[LEAST_EDGE + i] = held[v, 5]
+
+
+@helper()
+def _fill_ideal(ideal: FloatArray) -> None:
+    """Write down rows of lanes of what ideal cells ask for: 1, and m11 and m12 of triangles."""
+    for i in range(LANES):
+        ideal[i], ideal[LANES + i], ideal[2 * LANES + i] = 1.0, EQUILATERAL.m11, EQUILATERAL.m12
+
+
+@helper()
+def _try_block(
+    star_xy: FloatArray,
+    s: FloatArray,
+    block: Block,
+    lanes: LaneRange,
+    fraction: float,
+    shapes: Shapes,
+    sizes: RowArrays,
+    slims: WallArrays,
+    asks: Asks,
+    terms: Terms,
+) -> None:
+    """Add up energy and margins of these lanes at a fraction of their steps."""
+    n, quads, triangles, row = block.size, block.n_quads, block.n_triangles, block.rows
+    start_trial(s, lanes, fraction)
+    for k in range(quads):
+        at, own = k * ROW6, shapes.first + k * shapes.step
+        if asks.walls:
+            try_walled_quad(star_xy, s, at, lanes, shapes.quads, own, slims, row + k * n, terms)
+        else:
+            try_quad(star_xy, s, at, lanes, shapes.quads, own, terms)
+        if asks.sizes:
+            try_quad_size(star_xy, s, at, lanes, sizes, row + k * n, terms)
+        if asks.held:
+            hold_quad(star_xy, s, at, lanes)
+    for k in range(triangles):
+        at, own = quads * ROW6 + k * ROW4, shapes.first + (quads + k) * shapes.step
+        k_row = row + (quads + k) * n
+        if asks.walls:
+            try_walled_triangle(star_xy, s, at, lanes, shapes.triangles, own, slims, k_row, terms)
+        else:
+            try_triangle(star_xy, s, at, lanes, shapes.triangles, own, terms)
+        if asks.sizes:
+            try_triangle_size(star_xy, s, at, lanes, sizes, k_row, terms)
+        if asks.held:
+            hold_triangle(star_xy, s, at, lanes)
+
+
+@helper()
 def _move_block(
     xy: FloatArray,
     vertices: TableArray,
@@ -78,36 +178,62 @@ def _move_block(
     relaxation: float,
     terms: Terms,
     held: FloatArray,
-    rows: RowArrays,
+    asked: int,
+    shapes: RowArrays,
+    sizes: RowArrays,
+    slims: WallArrays,
     star_xy: FloatArray,
     s: FloatArray,
+    ideal: FloatArray,
     lengths: FloatArray,
 ) -> None:
     gather_block(xy, vertices, stars, block, star_xy, s, lengths)
-    n, quads, triangles = block.size, block.n_quads, block.n_triangles
-    for i in range(n):
-        v = vertices[block.first + i]
-        s[MOST_COSINE + i], s[LEAST_COSINE + i] = held[v, 0], held[v, 1]
-        s[LEAST_SINE + i], s[MOST_RATIO + i] = held[v, 2], held[v, 3]
-        s[MOST_SHAPE + i], s[LEAST_EDGE + i] = held[v, 4], held[v, 5]
-    triangle_rows = quads * ROW6
-    row = block.rows
-    triangle_row = row + quads * n
+    n, quads, triangles, row = block.size, block.n_quads, block.n_triangles, block.rows
+    _gather_held(vertices, block.first, n, held, s)
+    asks = Asks(
+        terms.scale > 0.0 or asked & WALLS != 0, asked & SIZES != 0, held.shape[1] > 3
+    )
+    # Ideal shapes are read from rows that stay in the cache: no loop of their own.
+    quad_shapes, triangle_shapes, shape_row, shape_step = shapes, shapes, row, n
+    if asked & SHAPES == 0:
+        _fill_ideal(ideal)
+        one, diagonal, other = ideal[:LANES], ideal[LANES : 2 * LANES], ideal[2 * LANES :]
+        quad_shapes, triangle_shapes = (one, one, one), (diagonal, other, diagonal)
+        shape_row, shape_step = row - row, n - n
+    own = Shapes(quad_shapes, triangle_shapes, shape_row, shape_step)
     for k in range(quads):
-        add_quad(star_xy, s, k * ROW6, n, rows, row + k * n, terms)
+        at, shape = k * ROW6, shape_row + k * shape_step
+        if asks.walls:
+            add_walled_quad(star_xy, s, at, n, quad_shapes, shape, slims, row + k * n, terms)
+        else:
+            add_quad(star_xy, s, at, n, quad_shapes, shape, terms)
+        if asks.sizes:
+            add_quad_size(star_xy, s, at, n, sizes, row + k * n, terms)
     for k in range(triangles):
-        add_triangle(star_xy, s, triangle_rows + k * ROW4, n, rows, triangle_row + k * n, terms)
+        at, shape = quads * ROW6 + k * ROW4, shape_row + (quads + k) * shape_step
+        k_row = row + (quads + k) * n
+        if asks.walls:
+            add_walled_triangle(star_xy, s, at, n, triangle_shapes, shape, slims, k_row, terms)
+        else:
+            add_triangle(star_xy, s, at, n, triangle_shapes, shape, terms)
+        if asks.sizes:
+            add_triangle_size(star_xy, s, at, n, sizes, k_row, terms)
     left = newton_step(s, n)
+    everyone = (n - n, n)  # of one type
     fraction = relaxation
     for attempt in range(len(FRACTIONS) + 1):
         if left == 0.0:
             break
-        start_trial(s, n, fraction)
-        for k in range(quads):
-            try_quad(star_xy, s, k * ROW6, n, rows, row + k * n, terms)
-        for k in range(triangles):
-            try_triangle(star_xy, s, triangle_rows + k * ROW4, n, rows, triangle_row + k * n, terms)
-        left = store_better(xy, vertices, block, s, lengths)
+        if left > FEW:
+            _try_block(star_xy, s, block, everyone, fraction, own, sizes, slims, asks, terms)
+            left = store_better(xy, vertices, block, everyone, s, lengths)
+        else:
+            left = 0.0
+            for i in range(n):
+                if s[TODO + i] > 0.0:
+                    alone = (i, i + ONE)
+                    _try_block(star_xy, s, block, alone, fraction, own, sizes, slims, asks, terms)
+                    left += store_better(xy, vertices, block, alone, s, lengths)
         fraction = FRACTIONS[min(attempt, len(FRACTIONS) - 1)]
 
 
@@ -136,7 +262,7 @@ def newton_sweep(
         Multiple of the Newton step that is tried first; then 1, 0.4 and 0.1.
     wall
         The weights of the energy.
-    held : (n_vertices, 6)
+    held : (n_vertices, 3) or (n_vertices, 6)
         What no corner and no cell that the vertex changes may be worse than: the largest cosine,
         the smallest cosine, the smallest sine (in a triangle over that of 60 degrees) of a corner;
         the longest over the shortest edge of a cell, squared; the shape energy to the ideal cell;
@@ -149,9 +275,8 @@ def newton_sweep(
     # Not in a helper: a parallel loop has to see the class of a tuple that it takes.
     terms = Terms(wall.mean_weight, 1.0 / wall.threshold, wall.squarings, 2.0**wall.squarings)
     colour_blocks, table, vertices, stars, _, largest = blocks
-    row_arrays = (
-        rows.m11, rows.m12, rows.m22, rows.area, rows.inv_area, rows.size_weight, rows.slim,
-    )  # fmt: skip
+    asks, shapes = rows.asks, (rows.m11, rows.m12, rows.m22)
+    sizes, slims = (rows.area, rows.inv_area, rows.size_weight), (rows.slim, rows.near)
     for colour in range(colours[0], colours[1]):
         for b in prange(colour_blocks[colour], colour_blocks[colour + 1]):
             scratch, star_xy = np.empty(N_ROWS * LANES), np.empty(6 * largest * LANES)
@@ -163,8 +288,12 @@ def newton_sweep(
                 relaxation,
                 terms,
                 held,
-                row_arrays,
+                asks[b],
+                shapes,
+                sizes,
+                slims,
                 star_xy,
                 scratch,
+                np.empty(3 * LANES),
                 lengths,
             )

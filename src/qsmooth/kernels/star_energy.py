@@ -2,6 +2,10 @@
 
 What is added up stands in `newton_sweep`; here are the loops over the lanes of a block, for one
 cell of each star: what it adds to the energy and its derivatives, and what it says of a trial.
+
+Most blocks ask for little: squares of any size, and no wall before the mean has settled. What a
+block asks for beyond that is told by its flags (`blocks.Rows`), and taken from loops of its own; a
+branch inside a loop would stop vectorisation.
 """
 
 import math
@@ -10,7 +14,6 @@ from typing import NamedTuple, TypeAlias
 from qsmooth._types import FloatArray
 from qsmooth.kernels._jit import helper, lane_helper
 from qsmooth.kernels.corner_energy import (
-    INV_ROOT3,
     Linear,
     Quadratic,
     Target,
@@ -25,7 +28,6 @@ from qsmooth.kernels.corner_energy import (
     quotient,
     rectangle_numerator,
 )
-from qsmooth.kernels.geometry import ORIENTATION_BOUND, UNDERFLOW_BOUND
 from qsmooth.kernels.lanes import (
     ENERGY,
     GX,
@@ -33,23 +35,14 @@ from qsmooth.kernels.lanes import (
     HXX,
     HXY,
     HYY,
-    LEAST_COSINE,
-    LEAST_EDGE,
-    LEAST_SINE,
-    MARGIN,
-    MOST_COSINE,
-    MOST_RATIO,
-    MOST_SHAPE,
-    PX,
-    PY,
     ROW,
     ROW2,
     ROW3,
     ROW4,
     ROW5,
-    TRIAL,
     X,
     Y,
+    add_energy,
 )
 
 # What the sine of a triangle's corner is at best: it counts as 1.
@@ -65,23 +58,20 @@ class Terms(NamedTuple):
     power: float
 
 
-class Own(NamedTuple):
-    """What is asked of one cell besides its shape; see `blocks.Rows`."""
-
-    area: float
-    inv_area: float
-    size_weight: float
-    slim: float
-
-
-# The arrays of `blocks.Rows`, as helpers take them.
-RowArrays: TypeAlias = tuple[
-    FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray
-]
+# Three arrays of `blocks.Rows`: m11, m12, m22, or area, inv_area, size_weight.
+RowArrays: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
+# Two more: slim and near.
+WallArrays: TypeAlias = tuple[FloatArray, FloatArray]
 
 
 @lane_helper()
-def _power(r: float, squarings: int) -> float:
+def nearer(terms: Terms, near: float) -> Terms:
+    """Let a cell's wall on badness stand elsewhere: its threshold is divided by `near`."""
+    return Terms(terms.mean_weight, terms.scale * near, terms.squarings, terms.power)
+
+
+@lane_helper()
+def power(r: float, squarings: int) -> float:
     """Raise r to 2 ** squarings, at most 6; by selects, as a loop would stop vectorisation."""
     r = r * r if squarings > 0 else r
     r = r * r if squarings > 1 else r
@@ -91,8 +81,11 @@ def _power(r: float, squarings: int) -> float:
     return r * r if squarings > 5 else r
 
 
+# ------------------------------------------------------------------------------- derivatives
+
+
 @lane_helper()
-def _shape_wall(f: float, slim: float) -> tuple[float, float, float]:
+def shape_wall(f: float, slim: float) -> tuple[float, float, float]:
     """Raise f · slim to the power of 16; also its derivatives by f."""
     r = f * slim
     r2 = r * r
@@ -103,36 +96,33 @@ def _shape_wall(f: float, slim: float) -> tuple[float, float, float]:
 
 
 @lane_helper()
-def _size_term(
-    det: float, inv: float, area: float, inv_area: float, weight: float
-) -> tuple[float, float, float]:
-    """Weight · ½ (τ − 1/τ)² with τ = det / area; also its derivatives by det."""
-    tau, back = det * inv_area, area * inv
-    square = back * back
-    slope = weight * (tau - back * square) * inv_area
-    second = weight * (1.0 + 3.0 * square * square) * inv_area * inv_area
-    return 0.5 * weight * (tau - back) * (tau - back), slope, second
-
-
-@lane_helper()
 def _add_shape(
-    n: Quadratic, det: Linear, own: Own, mean_weight: float, s: FloatArray, i: int
+    n: Quadratic,
+    det: Linear,
+    slim: float,
+    mean_weight: float,
+    walled: bool,
+    s: FloatArray,
+    i: int,
 ) -> None:
-    """Add a corner's shape energy, the wall on it and the size term, with their derivatives."""
+    """Add a corner's shape energy and, if `walled`, the wall on it, with their derivatives."""
     inv, f, fx, fy = quotient(n, det)
-    high, slope, second = _shape_wall(f, own.slim)
-    size, size_slope, size_second = _size_term(
-        det.value, inv, own.area, own.inv_area, mean_weight * own.size_weight
-    )
-    weight = mean_weight + slope
-    s[ENERGY + i] += mean_weight * f + high + size
-    s[GX + i] += weight * fx + size_slope * det.x
-    s[GY + i] += weight * fy + size_slope * det.y
+    weight = mean_weight
+    s[ENERGY + i] += mean_weight * f
+    if walled:
+        high, slope, second = shape_wall(f, slim)
+        weight += slope
+        s[ENERGY + i] += high
+        s[HXX + i] += second * fx * fx
+        s[HXY + i] += second * fx * fy
+        s[HYY + i] += second * fy * fy
+    s[GX + i] += weight * fx
+    s[GY + i] += weight * fy
     xx, xy, yy = hessian(n.second, fx, fy, det)
     weight *= inv
-    s[HXX + i] += weight * xx + second * fx * fx + size_second * det.x * det.x
-    s[HXY + i] += weight * xy + second * fx * fy + size_second * det.x * det.y
-    s[HYY + i] += weight * yy + second * fy * fy + size_second * det.y * det.y
+    s[HXX + i] += weight * xx
+    s[HXY + i] += weight * xy
+    s[HYY + i] += weight * yy
 
 
 @lane_helper()
@@ -153,7 +143,7 @@ def _add_wall(
     g, inv_g = 2.0 * root * inv, 0.5 * det.value * inv_root
     gx = (uu.x * t + ww.x * inv_t - g * det.x) * inv
     gy = (uu.y * t + ww.y * inv_t - g * det.y) * inv
-    high = _power(g * scale, terms.squarings)
+    high = power(g * scale, terms.squarings)
     slope = terms.power * high * inv_g
     second = (terms.power - 1.0) * slope * inv_g
     s[ENERGY + i] += high
@@ -166,6 +156,72 @@ def _add_wall(
     s[HYY + i] += slope * yy + second * gy * gy
 
 
+# `walled` is a constant where these are called: what it rules out is not compiled.
+
+
+@lane_helper()
+def _add_quad(
+    star: FloatArray,
+    s: FloatArray,
+    k: int,
+    i: int,
+    m11: float,
+    m22: float,
+    slim: float,
+    terms: Terms,
+    walled: bool,
+) -> None:
+    weight, scale = terms.mean_weight, terms.scale
+    px, py = s[X + i], s[Y + i]
+    ax, ay = star[k + i] - px, star[k + ROW + i] - py
+    bx, by = star[k + ROW2 + i] - px, star[k + ROW3 + i] - py
+    cx, cy = star[k + ROW4 + i] - px, star[k + ROW5 + i] - py
+    va, vc = half_square(ax, ay), half_square(cx, cy)
+    det = determinant(ax, ay, cx, cy)
+    _add_shape(rectangle_numerator(m11, m22, va, vc), det, slim, weight, walled, s, i)
+    if walled:
+        _add_wall(det, va, vc, scale, terms, s, i)
+    # At the neighbouring corners the sides of a rectangle change places.
+    ex, ey = bx - ax, by - ay
+    ab, det = fixed_half_square(ex, ey), determinant_to_previous(ex, ey, -ax, -ay)
+    _add_shape(rectangle_numerator(m22, m11, ab, va), det, slim, weight, walled, s, i)
+    if walled:
+        _add_wall(det, ab, va, scale, terms, s, i)
+    ex, ey = bx - cx, by - cy
+    cb, det = fixed_half_square(ex, ey), determinant_to_next(-cx, -cy, ex, ey)
+    _add_shape(rectangle_numerator(m22, m11, vc, cb), det, slim, weight, walled, s, i)
+    if walled:
+        _add_wall(det, vc, cb, scale, terms, s, i)
+
+
+@lane_helper()
+def _add_triangle(
+    star: FloatArray,
+    s: FloatArray,
+    k: int,
+    i: int,
+    target: Target,
+    slim: float,
+    terms: Terms,
+    walled: bool,
+) -> None:
+    px, py = s[X + i], s[Y + i]
+    ax, ay = star[k + i] - px, star[k + ROW + i] - py
+    cx, cy = star[k + ROW2 + i] - px, star[k + ROW3 + i] - py
+    va, vc = half_square(ax, ay), half_square(cx, cy)
+    # One determinant and one shape energy for the triangle, and a badness at each corner.
+    det = determinant(ax, ay, cx, cy)
+    shape = numerator(target, va, dot(ax, ay, cx, cy), vc)
+    _add_shape(shape, det, slim, terms.mean_weight, walled, s, i)
+    if walled:
+        ac = fixed_half_square(cx - ax, cy - ay)
+        # The sine of 60 degrees is ideal in triangles.
+        scale = terms.scale * SINE_60
+        _add_wall(det, va, vc, scale, terms, s, i)
+        _add_wall(det, ac, va, scale, terms, s, i)
+        _add_wall(det, ac, vc, scale, terms, s, i)
+
+
 @helper()
 def add_quad(
     star: FloatArray,
@@ -176,29 +232,29 @@ def add_quad(
     row: int,
     terms: Terms,
 ) -> None:
-    """Add what a quad of each star adds to the energy and its derivatives."""
-    m11s, _, m22s, areas, inv_areas, weights, slims = rows
-    weight, scale = terms.mean_weight, terms.scale
+    """Add the shape energy of a quad of each star, and its derivatives."""
+    m11s, _, m22s = rows
     for i in range(n):
-        m11, m22 = m11s[row + i], m22s[row + i]
-        own = Own(areas[row + i], inv_areas[row + i], weights[row + i], slims[row + i])
-        px, py = s[X + i], s[Y + i]
-        ax, ay = star[k + i] - px, star[k + ROW + i] - py
-        bx, by = star[k + ROW2 + i] - px, star[k + ROW3 + i] - py
-        cx, cy = star[k + ROW4 + i] - px, star[k + ROW5 + i] - py
-        va, vc = half_square(ax, ay), half_square(cx, cy)
-        det = determinant(ax, ay, cx, cy)
-        _add_shape(rectangle_numerator(m11, m22, va, vc), det, own, weight, s, i)
-        _add_wall(det, va, vc, scale, terms, s, i)
-        # At the neighbouring corners the sides of a rectangle change places.
-        ex, ey = bx - ax, by - ay
-        ab, det = fixed_half_square(ex, ey), determinant_to_previous(ex, ey, -ax, -ay)
-        _add_shape(rectangle_numerator(m22, m11, ab, va), det, own, weight, s, i)
-        _add_wall(det, ab, va, scale, terms, s, i)
-        ex, ey = bx - cx, by - cy
-        cb, det = fixed_half_square(ex, ey), determinant_to_next(-cx, -cy, ex, ey)
-        _add_shape(rectangle_numerator(m22, m11, vc, cb), det, own, weight, s, i)
-        _add_wall(det, vc, cb, scale, terms, s, i)
+        _add_quad(star, s, k, i, m11s[row + i], m22s[row + i], 0.0, terms, False)
+
+
+@helper()
+def add_walled_quad(
+    star: FloatArray,
+    s: FloatArray,
+    k: int,
+    n: int,
+    rows: RowArrays,
+    row: int,
+    walls: WallArrays,
+    wall_row: int,
+    terms: Terms,
+) -> None:
+    """Add shape energy and walls of a quad of each star, and their derivatives."""
+    m11s, _, m22s = rows
+    slims, nears = walls
+    for i in range(n):
+        _add_quad(star, s, k, i, m11s[row + i], m22s[row + i], slims[wall_row + i], nearer(terms, nears[wall_row + i]), True)
 
 
 @helper()
@@ -211,148 +267,92 @@ def add_triangle(
     row: int,
     terms: Terms,
 ) -> None:
-    """Add what a triangle of each star adds to the energy and its derivatives."""
-    m11s, m12s, m22s, areas, inv_areas, weights, slims = rows
-    # The sine of 60 degrees is ideal in triangles.
-    scale = terms.scale * SINE_60
+    """Add the shape energy of a triangle of each star, and its derivatives."""
+    m11s, m12s, m22s = rows
     for i in range(n):
         target = Target(m11s[row + i], m12s[row + i], m22s[row + i])
-        own = Own(areas[row + i], inv_areas[row + i], weights[row + i], slims[row + i])
+        _add_triangle(star, s, k, i, target, 0.0, terms, False)
+
+
+@helper()
+def add_walled_triangle(
+    star: FloatArray,
+    s: FloatArray,
+    k: int,
+    n: int,
+    rows: RowArrays,
+    row: int,
+    walls: WallArrays,
+    wall_row: int,
+    terms: Terms,
+) -> None:
+    """Add shape energy and walls of a triangle of each star, and their derivatives."""
+    m11s, m12s, m22s = rows
+    slims, nears = walls
+    for i in range(n):
+        target = Target(m11s[row + i], m12s[row + i], m22s[row + i])
+        _add_triangle(star, s, k, i, target, slims[wall_row + i], nearer(terms, nears[wall_row + i]), True)
+
+
+@lane_helper()
+def _add_size(
+    det: Linear, area: float, inv_area: float, weight: float, s: FloatArray, i: int
+) -> None:
+    """Add weight · ½ (τ − 1/τ)² with τ = det / area, and its derivatives."""
+    tau, back = det.value * inv_area, area / det.value
+    square = back * back
+    slope = weight * (tau - back * square) * inv_area
+    second = weight * (1.0 + 3.0 * square * square) * inv_area * inv_area
+    s[ENERGY + i] += 0.5 * weight * (tau - back) * (tau - back)
+    s[GX + i] += slope * det.x
+    s[GY + i] += slope * det.y
+    s[HXX + i] += second * det.x * det.x
+    s[HXY + i] += second * det.x * det.y
+    s[HYY + i] += second * det.y * det.y
+
+
+@helper()
+def add_quad_size(
+    star: FloatArray,
+    s: FloatArray,
+    k: int,
+    n: int,
+    rows: RowArrays,
+    row: int,
+    terms: Terms,
+) -> None:
+    """Add the size term of a quad of each star, and its derivatives."""
+    areas, inv_areas, weights = rows
+    for i in range(n):
+        area, inv_area = areas[row + i], inv_areas[row + i]
+        weight = terms.mean_weight * weights[row + i]
+        px, py = s[X + i], s[Y + i]
+        ax, ay = star[k + i] - px, star[k + ROW + i] - py
+        bx, by = star[k + ROW2 + i] - px, star[k + ROW3 + i] - py
+        cx, cy = star[k + ROW4 + i] - px, star[k + ROW5 + i] - py
+        _add_size(determinant(ax, ay, cx, cy), area, inv_area, weight, s, i)
+        det = determinant_to_previous(bx - ax, by - ay, -ax, -ay)
+        _add_size(det, area, inv_area, weight, s, i)
+        det = determinant_to_next(-cx, -cy, bx - cx, by - cy)
+        _add_size(det, area, inv_area, weight, s, i)
+
+
+@helper()
+def add_triangle_size(
+    star: FloatArray,
+    s: FloatArray,
+    k: int,
+    n: int,
+    rows: RowArrays,
+    row: int,
+    terms: Terms,
+) -> None:
+    """Add the size term of a triangle of each star, and its derivatives."""
+    areas, inv_areas, weights = rows
+    for i in range(n):
         px, py = s[X + i], s[Y + i]
         ax, ay = star[k + i] - px, star[k + ROW + i] - py
         cx, cy = star[k + ROW2 + i] - px, star[k + ROW3 + i] - py
-        va, vc, ac = half_square(ax, ay), half_square(cx, cy), fixed_half_square(cx - ax, cy - ay)
-        # One determinant and one shape energy for the triangle, and a badness at each corner.
+        weight = terms.mean_weight * weights[row + i]
         det = determinant(ax, ay, cx, cy)
-        shape = numerator(target, va, dot(ax, ay, cx, cy), vc)
-        _add_shape(shape, det, own, terms.mean_weight, s, i)
-        _add_wall(det, va, vc, scale, terms, s, i)
-        _add_wall(det, ac, va, scale, terms, s, i)
-        _add_wall(det, ac, vc, scale, terms, s, i)
-
-
-@lane_helper()
-def _keep(margin: float, s: FloatArray, i: int) -> None:
-    """Keep the least margin by which a trial is allowed."""
-    s[MARGIN + i] = margin if margin < s[MARGIN + i] else s[MARGIN + i]
-
-
-@lane_helper()
-def _hold_edges(
-    va: float, vc: float, shortest: float, longest: float, s: FloatArray, i: int
-) -> None:
-    """Keep the margins of a cell's edges; given are half the squares, two of edges that move."""
-    own = min(va, vc)
-    _keep(own - s[LEAST_EDGE + i], s, i)
-    _keep(s[MOST_RATIO + i] * min(own, shortest) - max(max(va, vc), longest), s, i)
-
-
-@lane_helper()
-def _try_shape(n: float, det: float, own: Own, weight: float, s: FloatArray, i: int) -> None:
-    """Add a corner's shape energy, the wall on it and the size term."""
-    inv = 1.0 / det
-    f = n * inv
-    off = det * own.inv_area - own.area * inv
-    s[TRIAL + i] += weight * (f + 0.5 * own.size_weight * off * off) + _power(f * own.slim, 4)
-
-
-@lane_helper()
-def _try_wall(
-    det: float,
-    dot_: float,
-    uu: float,
-    ww: float,
-    scale: float,
-    best_sine: float,
-    squarings: int,
-    s: FloatArray,
-    i: int,
-) -> None:
-    """Add the wall on a corner, and keep the margin by which it is no worse than what is held."""
-    lengths = 2.0 * math.sqrt(uu * ww)
-    s[TRIAL + i] += _power(lengths / det * scale, squarings)
-    _keep(s[MOST_COSINE + i] * lengths - dot_, s, i)
-    _keep(dot_ - s[LEAST_COSINE + i] * lengths, s, i)
-    _keep(det - s[LEAST_SINE + i] * best_sine * lengths, s, i)
-
-
-@lane_helper()
-def _certify(left: float, right: float, s: FloatArray, i: int) -> float:
-    """Keep the margin by which a corner's area is certified positive; give its determinant."""
-    det = left - right
-    _keep(det - (ORIENTATION_BOUND * (abs(left) + abs(right)) + UNDERFLOW_BOUND), s, i)
-    return det
-
-
-@helper()
-def try_quad(
-    star: FloatArray,
-    s: FloatArray,
-    k: int,
-    n: int,
-    rows: RowArrays,
-    row: int,
-    terms: Terms,
-) -> None:
-    """Add a quad's energy at the trial places, and keep the least margin that allows them."""
-    # All differences are of stored coordinates, and each determinant is taken about one of its
-    # points, as the error bound asks.
-    m11s, _, m22s, areas, inv_areas, weights, slims = rows
-    weight, scale, squarings = terms.mean_weight, terms.scale, terms.squarings
-    for i in range(n):
-        m11, m22 = m11s[row + i], m22s[row + i]
-        own = Own(areas[row + i], inv_areas[row + i], weights[row + i], slims[row + i])
-        px, py = s[PX + i], s[PY + i]
-        ax, ay, bx, by = star[k + i], star[k + ROW + i], star[k + ROW2 + i], star[k + ROW3 + i]
-        cx, cy = star[k + ROW4 + i], star[k + ROW5 + i]
-        ux, uy = ax - px, ay - py
-        wx, wy = cx - px, cy - py
-        va, vc = 0.5 * (ux * ux + uy * uy), 0.5 * (wx * wx + wy * wy)
-        det = _certify(ux * wy, uy * wx, s, i)
-        _keep(s[MOST_SHAPE + i] * det - (va + vc), s, i)
-        _try_shape(m11 * va + m22 * vc, det, own, weight, s, i)
-        _try_wall(det, ux * wx + uy * wy, va, vc, scale, 1.0, squarings, s, i)
-        ex, ey = bx - ax, by - ay
-        ab = 0.5 * (ex * ex + ey * ey)
-        det = _certify(ey * ux, ex * uy, s, i)
-        _keep(s[MOST_SHAPE + i] * det - (ab + va), s, i)
-        _try_shape(m22 * ab + m11 * va, det, own, weight, s, i)
-        _try_wall(det, -(ex * ux + ey * uy), ab, va, scale, 1.0, squarings, s, i)
-        ex, ey = bx - cx, by - cy
-        cb = 0.5 * (ex * ex + ey * ey)
-        det = _certify(ex * wy, ey * wx, s, i)
-        _keep(s[MOST_SHAPE + i] * det - (cb + vc), s, i)
-        _hold_edges(va, vc, min(ab, cb), max(ab, cb), s, i)
-        _try_shape(m22 * vc + m11 * cb, det, own, weight, s, i)
-        _try_wall(det, -(ex * wx + ey * wy), cb, vc, scale, 1.0, squarings, s, i)
-
-
-@helper()
-def try_triangle(
-    star: FloatArray,
-    s: FloatArray,
-    k: int,
-    n: int,
-    rows: RowArrays,
-    row: int,
-    terms: Terms,
-) -> None:
-    """Add a triangle's energy at the trial places, and keep the least margin that allows them."""
-    m11s, m12s, m22s, areas, inv_areas, weights, slims = rows
-    scale, squarings = terms.scale * SINE_60, terms.squarings
-    for i in range(n):
-        own = Own(areas[row + i], inv_areas[row + i], weights[row + i], slims[row + i])
-        ax, ay, cx, cy = star[k + i], star[k + ROW + i], star[k + ROW2 + i], star[k + ROW3 + i]
-        ux, uy = ax - s[PX + i], ay - s[PY + i]
-        wx, wy = cx - s[PX + i], cy - s[PY + i]
-        ex, ey = cx - ax, cy - ay
-        va, vc = 0.5 * (ux * ux + uy * uy), 0.5 * (wx * wx + wy * wy)
-        ac, uw = 0.5 * (ex * ex + ey * ey), ux * wx + uy * wy
-        shape = m11s[row + i] * va + m12s[row + i] * uw + m22s[row + i] * vc
-        det = _certify(ux * wy, uy * wx, s, i)
-        _keep(s[MOST_SHAPE + i] * det - INV_ROOT3 * (va + vc + ac), s, i)
-        _hold_edges(va, vc, ac, ac, s, i)
-        _try_shape(shape, det, own, terms.mean_weight, s, i)
-        _try_wall(det, uw, va, vc, scale, SINE_60, squarings, s, i)
-        _try_wall(det, -(ex * ux + ey * uy), ac, va, scale, SINE_60, squarings, s, i)
-        _try_wall(det, ex * wx + ey * wy, ac, vc, scale, SINE_60, squarings, s, i)
+        _add_size(det, areas[row + i], inv_areas[row + i], weight, s, i)

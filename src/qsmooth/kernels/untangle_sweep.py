@@ -151,17 +151,18 @@ def _move_block(
     for k in range(triangles):
         add_triangle(star_xy, s, triangle_rows + k * ROW4, n)
     left = newton_step(s, n)
+    everyone = (n - n, n)  # of one type
     fraction = relaxation
     for attempt in range(len(FRACTIONS) + 1):
         if left == 0.0:
             break
-        start_trial(s, n, fraction)
+        start_trial(s, everyone, fraction)
         for k in range(quads):
             try_quad(star_xy, s, k * ROW6, n)
         for k in range(triangles):
             try_triangle(star_xy, s, triangle_rows + k * ROW4, n)
         # No margin is asked for: the mesh need not be valid.
-        left = store_better(xy, vertices, block, s, lengths)
+        left = store_better(xy, vertices, block, everyone, s, lengths)
         fraction = FRACTIONS[min(attempt, len(FRACTIONS) - 1)]
 
 

@@ -31,6 +31,8 @@ SLIMMER, LEAST_SLIM = 1.2, 1.5
 LAYER_WEIGHT = 3.0
 # Multiple of the Newton step that is tried first: neighbours follow the same way in their turn.
 RELAXATION = 1.7
+# So many rings stand for the whole mesh.
+FAR = 1_000_000
 
 
 class Lanes:
@@ -57,6 +59,7 @@ class Lanes:
         self._moves = Moves(np.zeros(n_movable), np.zeros(n_movable))
         self._shortest = np.empty(n_movable)
         self.held = np.tile(FREE, (topology.n_vertices, 1))
+        self._held = self.held[:, :3].copy()
         self._corners = row_corners(self._blocks, *topology.cells)
         self.aim_at(ideal(topology))
         self._badness, self._shape = np.empty(topology.n_cells), np.empty(topology.n_cells)
@@ -88,6 +91,8 @@ class Lanes:
             self.held[:, 4] = 1.0 / float(now.shape.min()) * (1.0 + SLACK)
         if "min_edge" in also:
             self.held[:, 5] = 0.5 * float(now["min_edge"].min()) ** 2 * (1.0 - SLACK)
+        # Sweeps look at angles and sines only where nothing else is held.
+        self._held = self.held if also else self.held[:, :3].copy()
 
     def forbidden(self, xy: FloatArray) -> BoolArray:
         """Mark the cells that are invalid at these coordinates, or worse than what is held."""
@@ -98,8 +103,9 @@ class Lanes:
         corner_extremes(xy, *topology.cells, self.movable, extremes)
         first = topology.cell_offsets[:-1]
         held = self.held[topology.cell_vertices[first]].T
-        bad = extremes[:, 0] > held[0]
-        bad |= (extremes[:, 1] < held[1]) | (extremes[:, 2] < held[2])
+        # Sweeps compare squares: their rounding is no offence.
+        bad = extremes[:, 0] > held[0] + ROUNDING
+        bad |= (extremes[:, 1] < held[1] - ROUNDING) | (extremes[:, 2] < held[2] * (1 - ROUNDING))
         if (held[3] < FREE[3]).any():
             bad |= now.aspect_ratio**2 > held[3]
         if (held[4] < FREE[4]).any():
@@ -118,7 +124,7 @@ class Lanes:
         for _ in range(progress.next_round()):
             self._engine.run(
                 lambda colours: newton_sweep(
-                    xy, self._blocks, colours, RELAXATION, wall, self.held, self._rows, lengths
+                    xy, self._blocks, colours, RELAXATION, wall, self._held, self._rows, lengths
                 ),
                 self._n_colours,
             )
@@ -126,59 +132,43 @@ class Lanes:
 
     def aim_at(self, targets: Targets) -> None:
         """Ask each cell for this shape and size from now on; takes walls on shape down."""
-        from qsmooth.kernels.blocks import Rows
-
         self.targets = targets
-        cells = self._blocks.cells
         counts = targets.size_weight > 0.0
-        area = np.where(counts, targets.area, 0.0)
-        inv_area = np.divide(1.0, area, out=np.zeros_like(area), where=counts)
+        inv_area = np.divide(1.0, targets.area, out=np.zeros(counts.size), where=counts)
         self.sizes = np.stack([inv_area, targets.size_weight], axis=1)
-        corners = targets.corners[self._corners]
-        self._rows = Rows(
-            m11=corners[:, 0].copy(),
-            m12=corners[:, 1].copy(),
-            m22=corners[:, 2].copy(),
-            area=area[cells],
-            inv_area=inv_area[cells],
-            size_weight=targets.size_weight[cells],
-            slim=np.zeros(cells.size),
-            near=np.ones(cells.size),
-        )
+        self._ask(targets.size_weight, np.zeros(counts.size))
 
     def wall_off(self, xy: FloatArray, looser: float = 1.0) -> None:
         """Put a wall on each cell's shape, a little beyond what it is now, or farther."""
         slim = 1.0 / np.maximum(SLIMMER * self.worst_shape(xy), LEAST_SLIM)
         slim[~self.targets.is_layer] /= looser
         weight = np.where(self.targets.is_layer, LAYER_WEIGHT, 1.0) * self.targets.size_weight
-        cells = self._blocks.cells
-        self._rows = self._rows._replace(slim=slim[cells], size_weight=weight[cells])
+        self._ask(weight, slim)
 
-    def far(self):
-        self._rows = self._rows._replace(near=np.ones(self._blocks.cells.size))
+    def _ask(self, size_weight: FloatArray, slim: FloatArray) -> None:
+        from qsmooth.kernels.blocks import make_rows
 
-    def near(self, xy: FloatArray, rings: int) -> None:
+        cells, targets = self._blocks.cells, self.targets
+        self._rows = make_rows(
+            self._blocks,
+            targets.corners[self._corners],
+            targets.area[cells],
+            size_weight[cells],
+            slim[cells],
+        )
+
+    def measure_near(self, xy: FloatArray, rings: int) -> None:
+        """Let each cell's wall on badness stand by the worst of so many rings around it."""
+        from qsmooth.kernels.cell_energy import worst_around
+
         badness = self.energy(xy)[0]
         worst = np.maximum(np.where(np.isfinite(badness), badness, 1.0), 1.0)
-        self._rows = self._rows._replace(near=(1.0 / self._around(worst, rings))[self._blocks.cells])
-
-    def near_by(self, xy: FloatArray, rings: int, share: float, least: float) -> None:
-        """Measure the walls by the worst of the cells around each cell."""
-        badness = self.energy(xy)[0]
-        worst = np.maximum(np.where(np.isfinite(badness), badness, 1.0), 1.0)
-        slim = self._around(self.worst_shape(xy), rings)
-        cells = self._blocks.cells
-        slim = 1.0 / np.maximum(share * slim, least)
-        self._rows = self._rows._replace(near=(1.0 / self._around(worst, rings))[cells], slim=slim[cells])
-
-    def _around(self, worst: FloatArray, rings: int) -> FloatArray:
-        offsets, vertices = self.topology.cells
-        counts = np.diff(offsets)
-        for _ in range(rings):
-            at = np.zeros(self.topology.n_vertices)
-            np.maximum.at(at, vertices, np.repeat(worst, counts))
-            worst = np.maximum.reduceat(at[vertices], offsets[:-1])
-        return worst
+        if rings < FAR:
+            topology = self.topology
+            worst = worst_around(worst, rings, *topology.cells, topology.n_vertices)
+        else:
+            worst[:] = worst.max()
+        self._rows = self._rows._replace(near=(1.0 / worst)[self._blocks.cells])
 
     def worst_shape(self, xy: FloatArray) -> FloatArray:
         """Largest shape energy of each cell's corners towards their targets, (n_cells,)."""

@@ -33,8 +33,9 @@ LAST_WALLS, LOOSER = 3, 2.0
 # Rounds at most in which the mean gets back what the worst cells do not need, what a round must
 # gain for another, and how much the mean counts beside the wall.
 RELAX_ROUNDS, RELAX_GAIN, RELAX_WEIGHT = 12, 1e-3, 32.0
-PUSH_RINGS=0
-RINGS,EVEN_ROUNDS,EVEN_LOSS,EVEN_SHARE,EVEN_SLIM,EVEN_LEAST,EVEN_WEIGHT,EVEN_PATIENCE=3,8,.005,0.9,.9,1.5,1.0,2
+EVEN_WALLS,EVEN_RINGS,EVEN_ROUNDS,EVEN_LOSS,EVEN_WEIGHT=2,20,2,.005,1.0
+RELAX_RINGS=20
+HOLDALL=True
 
 
 
@@ -93,8 +94,8 @@ def mend_worst(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> 
 
     Parameters are those of `improve_mean`.
     """
-    lanes.wall_off(xy)
     best.limit_sizes()
+    lanes.wall_off(xy)
     _push(lanes, xy, best, progress, WALLS)
     strict = best.mark()
     xy[:] = best.xy
@@ -102,6 +103,12 @@ def mend_worst(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> 
     _push(lanes, xy, best, progress, WALLS[-LAST_WALLS:])
     if not best.pays_since(strict):
         best.back_to(strict)
+    if best.figures.n_invalid or best.good_enough() or lanes.targets.is_layer.any():
+        return  # the angles of layers would go back to what their sizes ask for
+    xy[:] = best.xy
+    lanes.hold(xy, HOLDABLE if HOLDALL else ())
+    _even_out(lanes, xy, best, progress)
+    xy[:] = best.xy
     _relax(lanes, xy, best, progress)
 
 
@@ -115,12 +122,8 @@ def _push(
     for squarings, share in walls:
         patience, updates = WALL_PATIENCE, best.updates
         while patience and not progress.spent() and not best.good_enough():
-            if PUSH_RINGS:
-                lanes.near(xy, PUSH_RINGS)
-                lanes.newton(xy, Wall(weight, share, squarings), progress)
-            else:
-                worst = _largest(lanes.energy(xy)[0])
-                lanes.newton(xy, Wall(weight, share * worst, squarings), progress)
+            worst = _largest(lanes.energy(xy)[0])
+            lanes.newton(xy, Wall(weight, share * worst, squarings), progress)
             now = best.offer(xy)
             # Mean and sizes count for more where the wall has cost them more than is allowed.
             weight = max(1.0, 0.5 * weight) if best.affords(now) else 2.0 * weight
@@ -128,33 +131,37 @@ def _push(
             updates = best.updates
 
 
+def _even_out(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> None:
+    """Where the worst corners gain no more let the worst near by have their turn."""
+    from qsmooth.kernels.newton_sweep import Wall
+
+    if not EVEN_WALLS:
+        return
+    lanes.wall_off(xy)
+    weight, floor = EVEN_WEIGHT, best.figures.shape * (1.0 - EVEN_LOSS)
+    for squarings, share in WALLS[-EVEN_WALLS:]:
+        for _ in range(EVEN_ROUNDS):
+            if progress.spent():
+                break
+            lanes.measure_near(xy, EVEN_RINGS)
+            lanes.newton(xy, Wall(weight, share, squarings), progress)
+            if best.measure(xy).shape < floor:
+                weight *= 4.0
+            else:
+                best.relaxed(xy)
+
+
 def _relax(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> None:
     """Give the mean back what it can have without the worst cells getting worse again."""
     from qsmooth.kernels.newton_sweep import Wall
 
-    if best.figures.n_invalid or best.good_enough() or lanes.targets.is_layer.any():
-        return  # the angles of layers would go back to what their sizes ask for
-    xy[:] = best.xy
-    lanes.hold(xy, HOLDABLE)
-    weight, floor = EVEN_WEIGHT, best.figures.shape * (1.0 - EVEN_LOSS)
-    patience = EVEN_PATIENCE
-    for _ in range(EVEN_ROUNDS):
-        if progress.spent() or not patience:
-            break
-        lanes.near_by(xy, RINGS, EVEN_SLIM, EVEN_LEAST)
-        lanes.newton(xy, Wall(weight, EVEN_SHARE, 6), progress)
-        patience -= 1
-        if best.measure(xy).shape < floor:
-            weight *= 4.0
-        elif best.relaxed(xy):
-            patience = EVEN_PATIENCE
-    xy[:] = best.xy
-    lanes.far()
     energy = _total(lanes.energy(xy)[1])
     for _ in range(RELAX_ROUNDS):
         if progress.spent():
             break
-        lanes.newton(xy, Wall(RELAX_WEIGHT, _largest(lanes.energy(xy)[0]), WALLS[-1][0]), progress)
+        # The wall stands where the worst corner is: caps alone would stop vertices one by one.
+        lanes.measure_near(xy, RELAX_RINGS)
+        lanes.newton(xy, Wall(RELAX_WEIGHT, 1.0, WALLS[-1][0]), progress)
         before, energy = energy, _total(lanes.energy(xy)[1])
         if not best.relaxed(xy) or energy >= before * (1.0 - RELAX_GAIN):
             break

@@ -1,0 +1,330 @@
+"""Trials of a block of lanes: the energy of each star with its vertex at its trial place.
+
+A trial also keeps two margins: that by which the star stays valid, and that by which it gets no
+worse than what is held. Both have to be positive. All differences are of stored coordinates, and
+each determinant is taken about one of its points, as the error bound asks.
+"""
+
+import math
+
+from qsmooth._types import FloatArray
+from qsmooth.kernels._jit import helper, lane_helper
+from qsmooth.kernels.corner_energy import INV_ROOT3, Target
+from qsmooth.kernels.geometry import ORIENTATION_BOUND, UNDERFLOW_BOUND
+from qsmooth.kernels.lanes import (
+    HELD,
+    LEAST_COSINE,
+    LEAST_EDGE,
+    LEAST_SINE,
+    MARGIN,
+    MOST_COSINE,
+    MOST_RATIO,
+    MOST_SHAPE,
+    PX,
+    PY,
+    ROW,
+    ROW2,
+    ROW3,
+    ROW4,
+    ROW5,
+    TRIAL,
+    LaneRange,
+)
+from qsmooth.kernels.star_energy import SINE_60, RowArrays, Terms, WallArrays, nearer, power
+
+# The square of a triangle's best sine.
+THREE_QUARTERS = 0.75
+
+
+@lane_helper()
+def _certify(left: float, right: float, s: FloatArray, i: int) -> float:
+    """Keep the margin by which a corner's area is certified positive; give its determinant."""
+    det = left - right
+    margin = det - (ORIENTATION_BOUND * (abs(left) + abs(right)) + UNDERFLOW_BOUND)
+    s[MARGIN + i] = margin if margin < s[MARGIN + i] else s[MARGIN + i]
+    return det
+
+
+@lane_helper()
+def _keep(margin: float, s: FloatArray, i: int) -> None:
+    """Keep the least margin of what is held."""
+    s[HELD + i] = margin if margin < s[HELD + i] else s[HELD + i]
+
+
+@lane_helper()
+def _hold(
+    det: float, dot: float, uu: float, ww: float, best: float, s: FloatArray, i: int
+) -> None:
+    """Keep the margins of a corner's cosine and sine; `best` is the square of the best sine.
+
+    All are squared, with their signs: this takes no root.
+    """
+    squares = 4.0 * uu * ww
+    cosine = dot * abs(dot)
+    _keep(s[MOST_COSINE + i] * squares - cosine, s, i)
+    _keep(cosine - s[LEAST_COSINE + i] * squares, s, i)
+    _keep(det * abs(det) - s[LEAST_SINE + i] * (best * squares), s, i)
+
+
+@lane_helper()
+def _try_energy(
+    n: float,
+    det: float,
+    uu: float,
+    ww: float,
+    slim: float,
+    terms: Terms,
+    walled: bool,
+    s: FloatArray,
+    i: int,
+) -> None:
+    """Add a corner's shape energy and, if `walled`, the walls on shape and corner."""
+    inv = 1.0 / det
+    f = n * inv
+    s[TRIAL + i] += terms.mean_weight * f
+    if walled:
+        g = 2.0 * math.sqrt(uu * ww) * inv
+        s[TRIAL + i] += power(f * slim, 4) + power(g * terms.scale, terms.squarings)
+
+
+@lane_helper()
+def _try_quad(
+    star: FloatArray,
+    s: FloatArray,
+    k: int,
+    i: int,
+    m11: float,
+    m22: float,
+    slim: float,
+    terms: Terms,
+    walled: bool,
+) -> None:
+    px, py = s[PX + i], s[PY + i]
+    ax, ay, bx, by = star[k + i], star[k + ROW + i], star[k + ROW2 + i], star[k + ROW3 + i]
+    cx, cy = star[k + ROW4 + i], star[k + ROW5 + i]
+    ux, uy = ax - px, ay - py
+    wx, wy = cx - px, cy - py
+    va, vc = 0.5 * (ux * ux + uy * uy), 0.5 * (wx * wx + wy * wy)
+    det = _certify(ux * wy, uy * wx, s, i)
+    _hold(det, ux * wx + uy * wy, va, vc, 1.0, s, i)
+    _try_energy(m11 * va + m22 * vc, det, va, vc, slim, terms, walled, s, i)
+    ex, ey = bx - ax, by - ay
+    ab = 0.5 * (ex * ex + ey * ey)
+    det = _certify(ey * ux, ex * uy, s, i)
+    _hold(det, -(ex * ux + ey * uy), ab, va, 1.0, s, i)
+    _try_energy(m22 * ab + m11 * va, det, ab, va, slim, terms, walled, s, i)
+    ex, ey = bx - cx, by - cy
+    cb = 0.5 * (ex * ex + ey * ey)
+    det = _certify(ex * wy, ey * wx, s, i)
+    _hold(det, -(ex * wx + ey * wy), cb, vc, 1.0, s, i)
+    _try_energy(m22 * vc + m11 * cb, det, cb, vc, slim, terms, walled, s, i)
+
+
+@lane_helper()
+def _try_triangle(
+    star: FloatArray,
+    s: FloatArray,
+    k: int,
+    i: int,
+    target: Target,
+    slim: float,
+    terms: Terms,
+    walled: bool,
+) -> None:
+    ax, ay, cx, cy = star[k + i], star[k + ROW + i], star[k + ROW2 + i], star[k + ROW3 + i]
+    ux, uy = ax - s[PX + i], ay - s[PY + i]
+    wx, wy = cx - s[PX + i], cy - s[PY + i]
+    ex, ey = cx - ax, cy - ay
+    va, vc = 0.5 * (ux * ux + uy * uy), 0.5 * (wx * wx + wy * wy)
+    ac, uw = 0.5 * (ex * ex + ey * ey), ux * wx + uy * wy
+    det = _certify(ux * wy, uy * wx, s, i)
+    _hold(det, uw, va, vc, THREE_QUARTERS, s, i)
+    _hold(det, -(ex * ux + ey * uy), ac, va, THREE_QUARTERS, s, i)
+    _hold(det, ex * wx + ey * wy, ac, vc, THREE_QUARTERS, s, i)
+    inv = 1.0 / det
+    f = (target.m11 * va + target.m12 * uw + target.m22 * vc) * inv
+    s[TRIAL + i] += terms.mean_weight * f
+    if walled:
+        s[TRIAL + i] += power(f * slim, 4)
+        scale = 2.0 * SINE_60 * terms.scale * inv
+        s[TRIAL + i] += power(math.sqrt(va * vc) * scale, terms.squarings)
+        s[TRIAL + i] += power(math.sqrt(ac * va) * scale, terms.squarings)
+        s[TRIAL + i] += power(math.sqrt(ac * vc) * scale, terms.squarings)
+
+
+@helper()
+def try_quad(
+    star: FloatArray,
+    s: FloatArray,
+    k: int,
+    lanes: LaneRange,
+    rows: RowArrays,
+    row: int,
+    terms: Terms,
+) -> None:
+    """Add a quad's shape energy at the trial places, and keep the least margins."""
+    m11s, _, m22s = rows
+    for i in range(lanes[0], lanes[1]):
+        _try_quad(star, s, k, i, m11s[row + i], m22s[row + i], 0.0, terms, False)
+
+
+@helper()
+def try_walled_quad(
+    star: FloatArray,
+    s: FloatArray,
+    k: int,
+    lanes: LaneRange,
+    rows: RowArrays,
+    row: int,
+    walls: WallArrays,
+    wall_row: int,
+    terms: Terms,
+) -> None:
+    """Add a quad's shape energy and walls, and keep the least margins."""
+    m11s, _, m22s = rows
+    slims, nears = walls
+    for i in range(lanes[0], lanes[1]):
+        _try_quad(star, s, k, i, m11s[row + i], m22s[row + i], slims[wall_row + i], nearer(terms, nears[wall_row + i]), True)
+
+
+@helper()
+def try_triangle(
+    star: FloatArray,
+    s: FloatArray,
+    k: int,
+    lanes: LaneRange,
+    rows: RowArrays,
+    row: int,
+    terms: Terms,
+) -> None:
+    """Add a triangle's shape energy at the trial places, and keep the least margins."""
+    m11s, m12s, m22s = rows
+    for i in range(lanes[0], lanes[1]):
+        target = Target(m11s[row + i], m12s[row + i], m22s[row + i])
+        _try_triangle(star, s, k, i, target, 0.0, terms, False)
+
+
+@helper()
+def try_walled_triangle(
+    star: FloatArray,
+    s: FloatArray,
+    k: int,
+    lanes: LaneRange,
+    rows: RowArrays,
+    row: int,
+    walls: WallArrays,
+    wall_row: int,
+    terms: Terms,
+) -> None:
+    """Add a triangle's shape energy and walls, and keep the least margins."""
+    m11s, m12s, m22s = rows
+    slims, nears = walls
+    for i in range(lanes[0], lanes[1]):
+        target = Target(m11s[row + i], m12s[row + i], m22s[row + i])
+        _try_triangle(star, s, k, i, target, slims[wall_row + i], nearer(terms, nears[wall_row + i]), True)
+
+
+# ------------------------------------------------------------------------------- sizes
+
+
+@lane_helper()
+def _try_size(
+    det: float, area: float, inv_area: float, weight: float, s: FloatArray, i: int
+) -> None:
+    off = det * inv_area - area / det
+    s[TRIAL + i] += 0.5 * weight * off * off
+
+
+@helper()
+def try_quad_size(
+    star: FloatArray,
+    s: FloatArray,
+    k: int,
+    lanes: LaneRange,
+    rows: RowArrays,
+    row: int,
+    terms: Terms,
+) -> None:
+    """Add a quad's size term at the trial places."""
+    areas, inv_areas, weights = rows
+    for i in range(lanes[0], lanes[1]):
+        area, inv_area = areas[row + i], inv_areas[row + i]
+        weight = terms.mean_weight * weights[row + i]
+        px, py = s[PX + i], s[PY + i]
+        ax, ay = star[k + i], star[k + ROW + i]
+        cx, cy = star[k + ROW4 + i], star[k + ROW5 + i]
+        ux, uy = ax - px, ay - py
+        wx, wy = cx - px, cy - py
+        _try_size(ux * wy - uy * wx, area, inv_area, weight, s, i)
+        ex, ey = star[k + ROW2 + i] - ax, star[k + ROW3 + i] - ay
+        _try_size(ey * ux - ex * uy, area, inv_area, weight, s, i)
+        ex, ey = star[k + ROW2 + i] - cx, star[k + ROW3 + i] - cy
+        _try_size(ex * wy - ey * wx, area, inv_area, weight, s, i)
+
+
+@helper()
+def try_triangle_size(
+    star: FloatArray,
+    s: FloatArray,
+    k: int,
+    lanes: LaneRange,
+    rows: RowArrays,
+    row: int,
+    terms: Terms,
+) -> None:
+    """Add a triangle's size term at the trial places."""
+    areas, inv_areas, weights = rows
+    for i in range(lanes[0], lanes[1]):
+        px, py = s[PX + i], s[PY + i]
+        det = (star[k + i] - px) * (star[k + ROW3 + i] - py) - (star[k + ROW + i] - py) * (
+            star[k + ROW2 + i] - px
+        )
+        weight = terms.mean_weight * weights[row + i]
+        _try_size(det, areas[row + i], inv_areas[row + i], weight, s, i)
+
+
+# ------------------------------------------------------------------------------- held on request
+
+
+@lane_helper()
+def _hold_edges(
+    va: float, vc: float, shortest: float, longest: float, s: FloatArray, i: int
+) -> None:
+    """Keep the margins of a cell's edges; given are half the squares, two of edges that move."""
+    own = min(va, vc)
+    _keep(own - s[LEAST_EDGE + i], s, i)
+    _keep(s[MOST_RATIO + i] * min(own, shortest) - max(max(va, vc), longest), s, i)
+
+
+@helper()
+def hold_quad(star: FloatArray, s: FloatArray, k: int, lanes: LaneRange) -> None:
+    """Keep the margins of a quad's edges and of its shape."""
+    for i in range(lanes[0], lanes[1]):
+        px, py = s[PX + i], s[PY + i]
+        ax, ay, bx, by = star[k + i], star[k + ROW + i], star[k + ROW2 + i], star[k + ROW3 + i]
+        cx, cy = star[k + ROW4 + i], star[k + ROW5 + i]
+        ux, uy = ax - px, ay - py
+        wx, wy = cx - px, cy - py
+        va, vc = 0.5 * (ux * ux + uy * uy), 0.5 * (wx * wx + wy * wy)
+        _keep(s[MOST_SHAPE + i] * (ux * wy - uy * wx) - (va + vc), s, i)
+        ex, ey = bx - ax, by - ay
+        ab = 0.5 * (ex * ex + ey * ey)
+        _keep(s[MOST_SHAPE + i] * (ey * ux - ex * uy) - (ab + va), s, i)
+        ex, ey = bx - cx, by - cy
+        cb = 0.5 * (ex * ex + ey * ey)
+        _keep(s[MOST_SHAPE + i] * (ex * wy - ey * wx) - (cb + vc), s, i)
+        _hold_edges(va, vc, min(ab, cb), max(ab, cb), s, i)
+
+
+@helper()
+def hold_triangle(star: FloatArray, s: FloatArray, k: int, lanes: LaneRange) -> None:
+    """Keep the margins of a triangle's edges and of its shape."""
+    for i in range(lanes[0], lanes[1]):
+        ax, ay, cx, cy = star[k + i], star[k + ROW + i], star[k + ROW2 + i], star[k + ROW3 + i]
+        ux, uy = ax - s[PX + i], ay - s[PY + i]
+        wx, wy = cx - s[PX + i], cy - s[PY + i]
+        ex, ey = cx - ax, cy - ay
+        va, vc = 0.5 * (ux * ux + uy * uy), 0.5 * (wx * wx + wy * wy)
+        ac = 0.5 * (ex * ex + ey * ey)
+        _keep(s[MOST_SHAPE + i] * (ux * wy - uy * wx) - INV_ROOT3 * (va + vc + ac), s, i)
+        _hold_edges(va, vc, ac, ac, s, i)
