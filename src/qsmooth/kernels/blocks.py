@@ -70,6 +70,8 @@ class Rows(NamedTuple):
         Weight of the size term.
     slim : (n_rows,)
         One over the shape energy at which the wall on a cell's shape is 1 high; 0 for no wall.
+    near : (n_rows,)
+        The threshold of the wall on badness is divided by this.
     """
 
     asks: IndexArray
@@ -99,7 +101,9 @@ def make_rows(
     area, size_weight, slim : (n_rows,)
         As in `Rows`; areas where the weight is 0 do not count.
     """
-    sizes, quads, triangles = (blocks.table[:, k].astype(np.int64) for k in (SIZE, N_QUADS, N_TRIANGLES))
+    sizes, quads, triangles = (
+        blocks.table[:, k].astype(np.int64) for k in (SIZE, N_QUADS, N_TRIANGLES)
+    )
     counts = sizes * (quads + triangles)
     block = np.repeat(np.arange(sizes.size), counts)
     place = np.arange(block.size) - blocks.table[:, ROWS].astype(np.int64)[block]

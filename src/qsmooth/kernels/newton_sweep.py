@@ -46,8 +46,8 @@ from qsmooth.kernels.lanes import (
 )
 from qsmooth.kernels.star_energy import (
     RowArrays,
-    WallArrays,
     Terms,
+    WallArrays,
     add_quad,
     add_quad_size,
     add_triangle,
@@ -107,9 +107,7 @@ class Wall(NamedTuple):
 
 
 @helper()
-def _gather_held(
-    vertices: TableArray, first: int, n: int, held: FloatArray, s: FloatArray
-) -> None:
+def _gather_held(vertices: TableArray, first: int, n: int, held: FloatArray, s: FloatArray) -> None:
     """Look up what is held around each vertex: cosines and sine squared, with their signs."""
     for i in range(n):
         v = vertices[first + i]
@@ -139,7 +137,7 @@ def _try_block(
     fraction: float,
     shapes: Shapes,
     sizes: RowArrays,
-    slims: WallArrays,
+    walls: WallArrays,
     asks: Asks,
     terms: Terms,
 ) -> None:
@@ -149,7 +147,7 @@ def _try_block(
     for k in range(quads):
         at, own = k * ROW6, shapes.first + k * shapes.step
         if asks.walls:
-            try_walled_quad(star_xy, s, at, lanes, shapes.quads, own, slims, row + k * n, terms)
+            try_walled_quad(star_xy, s, at, lanes, shapes.quads, own, walls, row + k * n, terms)
         else:
             try_quad(star_xy, s, at, lanes, shapes.quads, own, terms)
         if asks.sizes:
@@ -160,7 +158,7 @@ def _try_block(
         at, own = quads * ROW6 + k * ROW4, shapes.first + (quads + k) * shapes.step
         k_row = row + (quads + k) * n
         if asks.walls:
-            try_walled_triangle(star_xy, s, at, lanes, shapes.triangles, own, slims, k_row, terms)
+            try_walled_triangle(star_xy, s, at, lanes, shapes.triangles, own, walls, k_row, terms)
         else:
             try_triangle(star_xy, s, at, lanes, shapes.triangles, own, terms)
         if asks.sizes:
@@ -181,7 +179,7 @@ def _move_block(
     asked: int,
     shapes: RowArrays,
     sizes: RowArrays,
-    slims: WallArrays,
+    walls: WallArrays,
     star_xy: FloatArray,
     s: FloatArray,
     ideal: FloatArray,
@@ -190,9 +188,7 @@ def _move_block(
     gather_block(xy, vertices, stars, block, star_xy, s, lengths)
     n, quads, triangles, row = block.size, block.n_quads, block.n_triangles, block.rows
     _gather_held(vertices, block.first, n, held, s)
-    asks = Asks(
-        terms.scale > 0.0 or asked & WALLS != 0, asked & SIZES != 0, held.shape[1] > 3
-    )
+    asks = Asks(terms.scale > 0.0 or asked & WALLS != 0, asked & SIZES != 0, held.shape[1] > 3)
     # Ideal shapes are read from rows that stay in the cache: no loop of their own.
     quad_shapes, triangle_shapes, shape_row, shape_step = shapes, shapes, row, n
     if asked & SHAPES == 0:
@@ -204,7 +200,7 @@ def _move_block(
     for k in range(quads):
         at, shape = k * ROW6, shape_row + k * shape_step
         if asks.walls:
-            add_walled_quad(star_xy, s, at, n, quad_shapes, shape, slims, row + k * n, terms)
+            add_walled_quad(star_xy, s, at, n, quad_shapes, shape, walls, row + k * n, terms)
         else:
             add_quad(star_xy, s, at, n, quad_shapes, shape, terms)
         if asks.sizes:
@@ -213,7 +209,7 @@ def _move_block(
         at, shape = quads * ROW6 + k * ROW4, shape_row + (quads + k) * shape_step
         k_row = row + (quads + k) * n
         if asks.walls:
-            add_walled_triangle(star_xy, s, at, n, triangle_shapes, shape, slims, k_row, terms)
+            add_walled_triangle(star_xy, s, at, n, triangle_shapes, shape, walls, k_row, terms)
         else:
             add_triangle(star_xy, s, at, n, triangle_shapes, shape, terms)
         if asks.sizes:
@@ -225,14 +221,14 @@ def _move_block(
         if left == 0.0:
             break
         if left > FEW:
-            _try_block(star_xy, s, block, everyone, fraction, own, sizes, slims, asks, terms)
+            _try_block(star_xy, s, block, everyone, fraction, own, sizes, walls, asks, terms)
             left = store_better(xy, vertices, block, everyone, s, lengths)
         else:
             left = 0.0
             for i in range(n):
                 if s[TODO + i] > 0.0:
                     alone = (i, i + ONE)
-                    _try_block(star_xy, s, block, alone, fraction, own, sizes, slims, asks, terms)
+                    _try_block(star_xy, s, block, alone, fraction, own, sizes, walls, asks, terms)
                     left += store_better(xy, vertices, block, alone, s, lengths)
         fraction = FRACTIONS[min(attempt, len(FRACTIONS) - 1)]
 
@@ -276,7 +272,7 @@ def newton_sweep(
     terms = Terms(wall.mean_weight, 1.0 / wall.threshold, wall.squarings, 2.0**wall.squarings)
     colour_blocks, table, vertices, stars, _, largest = blocks
     asks, shapes = rows.asks, (rows.m11, rows.m12, rows.m22)
-    sizes, slims = (rows.area, rows.inv_area, rows.size_weight), (rows.slim, rows.near)
+    sizes, walls = (rows.area, rows.inv_area, rows.size_weight), (rows.slim, rows.near)
     for colour in range(colours[0], colours[1]):
         for b in prange(colour_blocks[colour], colour_blocks[colour + 1]):
             scratch, star_xy = np.empty(N_ROWS * LANES), np.empty(6 * largest * LANES)
@@ -291,7 +287,7 @@ def newton_sweep(
                 asks[b],
                 shapes,
                 sizes,
-                slims,
+                walls,
                 star_xy,
                 scratch,
                 np.empty(3 * LANES),

@@ -42,7 +42,6 @@ from qsmooth.kernels.lanes import (
     ROW5,
     X,
     Y,
-    add_energy,
 )
 
 # What the sine of a triangle's corner is at best: it counts as 1.
@@ -254,7 +253,17 @@ def add_walled_quad(
     m11s, _, m22s = rows
     slims, nears = walls
     for i in range(n):
-        _add_quad(star, s, k, i, m11s[row + i], m22s[row + i], slims[wall_row + i], nearer(terms, nears[wall_row + i]), True)
+        _add_quad(
+            star,
+            s,
+            k,
+            i,
+            m11s[row + i],
+            m22s[row + i],
+            slims[wall_row + i],
+            nearer(terms, nears[wall_row + i]),
+            True,
+        )
 
 
 @helper()
@@ -291,7 +300,9 @@ def add_walled_triangle(
     slims, nears = walls
     for i in range(n):
         target = Target(m11s[row + i], m12s[row + i], m22s[row + i])
-        _add_triangle(star, s, k, i, target, slims[wall_row + i], nearer(terms, nears[wall_row + i]), True)
+        _add_triangle(
+            star, s, k, i, target, slims[wall_row + i], nearer(terms, nears[wall_row + i]), True
+        )
 
 
 @lane_helper()

@@ -52,9 +52,7 @@ def _keep(margin: float, s: FloatArray, i: int) -> None:
 
 
 @lane_helper()
-def _hold(
-    det: float, dot: float, uu: float, ww: float, best: float, s: FloatArray, i: int
-) -> None:
+def _hold(det: float, dot: float, uu: float, ww: float, best: float, s: FloatArray, i: int) -> None:
     """Keep the margins of a corner's cosine and sine; `best` is the square of the best sine.
 
     All are squared, with their signs: this takes no root.
@@ -184,7 +182,17 @@ def try_walled_quad(
     m11s, _, m22s = rows
     slims, nears = walls
     for i in range(lanes[0], lanes[1]):
-        _try_quad(star, s, k, i, m11s[row + i], m22s[row + i], slims[wall_row + i], nearer(terms, nears[wall_row + i]), True)
+        _try_quad(
+            star,
+            s,
+            k,
+            i,
+            m11s[row + i],
+            m22s[row + i],
+            slims[wall_row + i],
+            nearer(terms, nears[wall_row + i]),
+            True,
+        )
 
 
 @helper()
@@ -221,7 +229,9 @@ def try_walled_triangle(
     slims, nears = walls
     for i in range(lanes[0], lanes[1]):
         target = Target(m11s[row + i], m12s[row + i], m22s[row + i])
-        _try_triangle(star, s, k, i, target, slims[wall_row + i], nearer(terms, nears[wall_row + i]), True)
+        _try_triangle(
+            star, s, k, i, target, slims[wall_row + i], nearer(terms, nears[wall_row + i]), True
+        )
 
 
 # ------------------------------------------------------------------------------- sizes

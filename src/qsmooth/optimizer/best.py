@@ -21,7 +21,8 @@ LEAST_FORBIDDEN = 1e-2
 MOST_RESIZED = 0.06
 # Areas count as this multiple of their target at least.
 TINY = 1e-6
-WORTH = 0.1
+# The percentile that low angles stand for, and how much the worst shape counts beside the mean.
+LOW, SHAPE_COUNTS = 1.0, 0.1
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,8 @@ class Figures:
         Cells that are not valid.
     least_shape
         One over the energy of the worst of all corners towards its target.
+    low_angle
+        1st percentile of the cells' smallest angle, in degrees.
     resized
         Mean over the cells of γ |log τ|, τ the area over its target, γ how much that counts.
     """
@@ -48,13 +51,14 @@ class Figures:
     shape: float
     plain_shape: float
     n_invalid: int
-    least_shape: float = 0.0
-    low: float = 0.0
-    resized: float = 0.0
+    least_shape: float
+    low_angle: float
+    resized: float
 
     @property
-    def value(self) -> float:
-        return self.shape * self.low * self.least_shape ** WORTH
+    def overall(self) -> float:
+        """What counts where the worst corners are held: the mean, low angles, the worst shape."""
+        return float(self.shape * self.low_angle * self.least_shape**SHAPE_COUNTS)
 
     def better(self, other: Figures) -> bool:
         """Whether the worst corner is better, or about as good with a better mean."""
@@ -101,7 +105,7 @@ class Best:
         self._mean_loss, self._enough = mean_loss, enough
         self.updates = 0
         self._given_xy, self.xy = xy.copy(), xy.copy()
-        self.given = self.figures = self.measure(xy)
+        self.given = self.figures = self.last = self.measure(xy)
         self._most_resized = math.inf
         self.best_shape = self.given.shape
         # The best worst corner that was seen at a cost beyond the allowed loss of the mean.
@@ -125,17 +129,23 @@ class Best:
             self._too_dear = max(self._too_dear, now.free_jacobian)
         return now
 
-    def relaxed(self, xy: FloatArray) -> bool:
-        """Keep coordinates with less energy, unless the mean shape is worse; whether they are kept.
+    def offer_overall(self, xy: FloatArray, floor: float) -> bool:
+        """Keep coordinates if they are better overall, at a mean shape of `floor` or more.
 
         What is held sees to the worst corner.
+
+        Returns
+        -------
+        bool
+            Whether they are kept.
         """
-        now = self.measure(xy)
+        self.last = self.measure(xy)
         self.lanes.report(xy, self.lanes.quality(xy), self.progress)
-        self.best_shape = max(self.best_shape, now.shape)
-        if now.value < self.figures.value or not self.affords(now):
+        self.best_shape = max(self.best_shape, self.last.shape)
+        enough = self.last.shape >= floor and self.affords(self.last)
+        if not enough or self.last.overall < self.figures.overall:
             return False
-        self.xy[:], self.figures = xy, now
+        self.xy[:], self.figures = xy, self.last
         return True
 
     def mark(self) -> tuple[FloatArray, Figures]:
@@ -185,12 +195,11 @@ class Best:
         """Measure coordinates, (n, 2)."""
         quality = self.lanes.quality(xy)
         shape = 1.0 / self.lanes.worst_shape(xy)
-        badness = self.lanes.energy(xy)[0]
         return Figures(
-            free_jacobian=1.0 / float(badness.max()),
-            low=float(np.percentile(quality.min_angle, 1.0)),
+            free_jacobian=1.0 / float(self.lanes.energy(xy)[0].max()),
             shape=float(shape.mean()),
             least_shape=float(shape.min()),
+            low_angle=float(np.percentile(quality.min_angle, LOW)),
             plain_shape=float(np.mean(quality.shape)),
             n_invalid=quality.n_invalid,
             resized=self._resized(quality),

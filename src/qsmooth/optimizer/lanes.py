@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from typing import TYPE_CHECKING
 
@@ -27,12 +28,12 @@ SLACK = 1e-11
 ROUNDING = 4e-16
 # The wall on a cell's shape is 1 high at this multiple of its shape energy, or at this energy.
 SLIMMER, LEAST_SLIM = 1.2, 1.5
+# No wall on shapes stands nearer than this energy.
+LEAST_CAP = 1.1
 # While the worst cells are seen to, sizes count this much more in layers: else their heights drift.
 LAYER_WEIGHT = 3.0
 # Multiple of the Newton step that is tried first: neighbours follow the same way in their turn.
 RELAXATION = 1.7
-# So many rings stand for the whole mesh.
-FAR = 1_000_000
 
 
 class Lanes:
@@ -138,12 +139,33 @@ class Lanes:
         self.sizes = np.stack([inv_area, targets.size_weight], axis=1)
         self._ask(targets.size_weight, np.zeros(counts.size))
 
-    def wall_off(self, xy: FloatArray, looser: float = 1.0) -> None:
-        """Put a wall on each cell's shape, a little beyond what it is now, or farther."""
-        slim = 1.0 / np.maximum(SLIMMER * self.worst_shape(xy), LEAST_SLIM)
-        slim[~self.targets.is_layer] /= looser
+    def wall_off(self, xy: FloatArray, *, looser: float = 1.0, most: float = math.inf) -> None:
+        """Put a wall on each cell's shape.
+
+        Parameters
+        ----------
+        xy
+            A little beyond the shapes at these coordinates, (n, 2), stand the walls;
+        looser
+            or farther, but for layers.
+        most
+            None is farther than this multiple of the worst shape's energy.
+        """
+        shape = self.worst_shape(xy)
+        cap = np.maximum(SLIMMER * shape, LEAST_SLIM)
+        cap[~self.targets.is_layer] *= looser
+        slim = 1.0 / np.minimum(cap, max(LEAST_CAP, most * shape.max()))
         weight = np.where(self.targets.is_layer, LAYER_WEIGHT, 1.0) * self.targets.size_weight
         self._ask(weight, slim)
+
+    def measure_near(self, xy: FloatArray, rings: int) -> None:
+        """Let each cell's wall on badness stand by the worst of so many rings around it."""
+        from qsmooth.kernels.cell_energy import worst_around
+
+        badness = self.energy(xy)[0]
+        worst = np.maximum(np.where(np.isfinite(badness), badness, 1.0), 1.0)
+        worst = worst_around(worst, rings, *self.topology.cells, self.topology.n_vertices)
+        self._rows = self._rows._replace(near=(1.0 / worst)[self._blocks.cells])
 
     def _ask(self, size_weight: FloatArray, slim: FloatArray) -> None:
         from qsmooth.kernels.blocks import make_rows
@@ -156,19 +178,6 @@ class Lanes:
             size_weight[cells],
             slim[cells],
         )
-
-    def measure_near(self, xy: FloatArray, rings: int) -> None:
-        """Let each cell's wall on badness stand by the worst of so many rings around it."""
-        from qsmooth.kernels.cell_energy import worst_around
-
-        badness = self.energy(xy)[0]
-        worst = np.maximum(np.where(np.isfinite(badness), badness, 1.0), 1.0)
-        if rings < FAR:
-            topology = self.topology
-            worst = worst_around(worst, rings, *topology.cells, topology.n_vertices)
-        else:
-            worst[:] = worst.max()
-        self._rows = self._rows._replace(near=(1.0 / worst)[self._blocks.cells])
 
     def worst_shape(self, xy: FloatArray) -> FloatArray:
         """Largest shape energy of each cell's corners towards their targets, (n_cells,)."""

@@ -27,16 +27,15 @@ GLOBAL_GAIN = 2e-2
 # back to where the mean shape is best.
 WALLS = ((2, 0.7), (3, 0.8), (4, 0.85), (5, 0.9), (6, 0.9), (6, 0.95))
 # Rounds without a better result after which the next wall is put up.
-WALL_PATIENCE = 2
-# At last these walls once more, with walls on the shapes that stand this much farther back.
+WALL_PATIENCE = 1
+# The last walls are put up once more with walls on the shapes that stand this much farther back.
 LAST_WALLS, LOOSER = 3, 2.0
+# Then these walls stand by the worst cell of so many rings, for so many rounds each; they may cost
+# the mean this fraction; and no shape is to be worse than this multiple of the worst one.
+EVEN_WALLS, EVEN_RINGS, EVEN_ROUNDS, EVEN_LOSS, EVEN_SLIM = 2, 10, 2, 5e-3, 0.8
 # Rounds at most in which the mean gets back what the worst cells do not need, what a round must
 # gain for another, and how much the mean counts beside the wall.
 RELAX_ROUNDS, RELAX_GAIN, RELAX_WEIGHT = 12, 1e-3, 32.0
-EVEN_WALLS,EVEN_RINGS,EVEN_ROUNDS,EVEN_LOSS,EVEN_WEIGHT=2,20,2,.005,1.0
-RELAX_RINGS=20
-HOLDALL=True
-
 
 
 def improve_mean(
@@ -92,6 +91,9 @@ def improve_mean(
 def mend_worst(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> None:
     """Push the worst corners back with a wall that gets steeper, while the mean affords it.
 
+    Where they gain no more the worst of each neighbourhood have their turn, and the worst shapes;
+    then the mean gets back what none of these need.
+
     Parameters are those of `improve_mean`.
     """
     best.limit_sizes()
@@ -99,14 +101,14 @@ def mend_worst(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> 
     _push(lanes, xy, best, progress, WALLS)
     strict = best.mark()
     xy[:] = best.xy
-    lanes.wall_off(xy, LOOSER)
+    lanes.wall_off(xy, looser=LOOSER)
     _push(lanes, xy, best, progress, WALLS[-LAST_WALLS:])
     if not best.pays_since(strict):
         best.back_to(strict)
     if best.figures.n_invalid or best.good_enough() or lanes.targets.is_layer.any():
         return  # the angles of layers would go back to what their sizes ask for
+    lanes.hold(best.xy, HOLDABLE)
     xy[:] = best.xy
-    lanes.hold(xy, HOLDABLE if HOLDALL else ())
     _even_out(lanes, xy, best, progress)
     xy[:] = best.xy
     _relax(lanes, xy, best, progress)
@@ -132,23 +134,19 @@ def _push(
 
 
 def _even_out(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> None:
-    """Where the worst corners gain no more let the worst near by have their turn."""
+    """Put walls up by the worst of each neighbourhood, and by the worst shape of all."""
     from qsmooth.kernels.newton_sweep import Wall
 
-    if not EVEN_WALLS:
-        return
-    lanes.wall_off(xy)
-    weight, floor = EVEN_WEIGHT, best.figures.shape * (1.0 - EVEN_LOSS)
-    for squarings, share in WALLS[-EVEN_WALLS:]:
-        for _ in range(EVEN_ROUNDS):
-            if progress.spent():
-                break
-            lanes.measure_near(xy, EVEN_RINGS)
-            lanes.newton(xy, Wall(weight, share, squarings), progress)
-            if best.measure(xy).shape < floor:
-                weight *= 4.0
-            else:
-                best.relaxed(xy)
+    lanes.wall_off(xy, most=EVEN_SLIM)
+    weight, floor = 1.0, best.figures.shape * (1.0 - EVEN_LOSS)
+    for squarings, share in [wall for wall in WALLS[-EVEN_WALLS:] for _ in range(EVEN_ROUNDS)]:
+        if progress.spent():
+            break
+        lanes.measure_near(xy, EVEN_RINGS)
+        lanes.newton(xy, Wall(weight, share, squarings), progress)
+        best.offer_overall(xy, floor)
+        if best.last.shape < floor:
+            weight *= 4.0
 
 
 def _relax(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> None:
@@ -159,11 +157,12 @@ def _relax(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> None
     for _ in range(RELAX_ROUNDS):
         if progress.spent():
             break
-        # The wall stands where the worst corner is: caps alone would stop vertices one by one.
-        lanes.measure_near(xy, RELAX_RINGS)
+        # Walls where the worst corners are: by caps alone vertices would be stopped one by one.
+        lanes.measure_near(xy, EVEN_RINGS)
         lanes.newton(xy, Wall(RELAX_WEIGHT, 1.0, WALLS[-1][0]), progress)
         before, energy = energy, _total(lanes.energy(xy)[1])
-        if not best.relaxed(xy) or energy >= before * (1.0 - RELAX_GAIN):
+        better = best.offer_overall(xy, best.floor())
+        if not better or energy >= before * (1.0 - RELAX_GAIN):
             break
 
 
