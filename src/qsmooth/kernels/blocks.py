@@ -98,7 +98,9 @@ def make_rows(
     area, size_weight, slim : (n_rows,)
         As in `Rows`; areas where the weight is 0 do not count.
     """
-    sizes, quads, triangles = (blocks.table[:, k].astype(np.int64) for k in (SIZE, N_QUADS, N_TRIANGLES))
+    sizes, quads, triangles = (
+        blocks.table[:, k].astype(np.int64) for k in (SIZE, N_QUADS, N_TRIANGLES)
+    )
     counts = sizes * (quads + triangles)
     block = np.repeat(np.arange(sizes.size), counts)
     place = np.arange(block.size) - blocks.table[:, ROWS].astype(np.int64)[block]

@@ -17,7 +17,7 @@ A trial is refused where it lowers no energy, inverts a cell, or makes a corner 
 what is held: no state on the way is worse than the first.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import prange
@@ -67,7 +67,7 @@ from qsmooth.kernels.star_trials import (
 
 # Up to so many lanes of a block are tried one by one, more of them all together.
 FEW = 6
-ONE = np.uint64(1)
+ONE: Any = np.uint64(1)
 
 
 class Shapes(NamedTuple):
@@ -106,9 +106,7 @@ class Wall(NamedTuple):
 
 
 @helper()
-def _gather_held(
-    vertices: TableArray, first: int, n: int, held: FloatArray, s: FloatArray
-) -> None:
+def _gather_held(vertices: TableArray, first: int, n: int, held: FloatArray, s: FloatArray) -> None:
     """Look up what is held around each vertex: cosines and sine squared, with their signs."""
     for i in range(n):
         v = vertices[first + i]
@@ -189,9 +187,7 @@ def _move_block(
     gather_block(xy, vertices, stars, block, star_xy, s, lengths)
     n, quads, triangles, row = block.size, block.n_quads, block.n_triangles, block.rows
     _gather_held(vertices, block.first, n, held, s)
-    asks = Asks(
-        terms.scale > 0.0 or asked & WALLS != 0, asked & SIZES != 0, held.shape[1] > 3
-    )
+    asks = Asks(terms.scale > 0.0 or asked & WALLS != 0, asked & SIZES != 0, held.shape[1] > 3)
     # Ideal shapes are read from rows that stay in the cache: no loop of their own.
     quad_shapes, triangle_shapes, shape_row, shape_step = shapes, shapes, row, n
     if asked & SHAPES == 0:
