@@ -12,10 +12,10 @@ import reference_optimizer as slow
 from meshes import KINDS, fan, grid, place, random_mesh, random_meshes
 from qsmooth import Mesh, Validity, quality
 from qsmooth.kernels import cell_energy as cell_kernels
-from qsmooth.kernels import lanes, newton_sweep
+from qsmooth.kernels import lanes, newton_sweep, star_trials
 from qsmooth.kernels import star_energy as star_kernels
 from qsmooth.kernels._jit import use_threads
-from qsmooth.kernels.blocks import LANES, Rows, build_blocks, row_corners
+from qsmooth.kernels.blocks import LANES, build_blocks, make_rows, row_corners
 from qsmooth.kernels.stars import NO_VERTEX
 
 # Weight of the mean, threshold and squarings: the mean alone, walls of every power, both.
@@ -44,27 +44,29 @@ def terms(energy):
 FREE = (2.0, -2.0, -2.0, 1e300, 1e300, -1e300)
 
 
-def rows_of(vertices, cells, asked):
-    """What is asked of each cell around each vertex, as the kernels take it."""
+def asked_table(vertices, cells, asked):
+    """What is asked of each cell around each vertex: m11, m12, m22, area, weight, slim."""
     table = []
     for v, cell in zip(vertices, cells, strict=True):
         own = slow.asked_of(cell, asked)
-        area = own.area or 0.0
-        table.append((*own.targets[v], area, 1.0 / area if area else 0.0, own.weight, own.slim))
-    return Rows(*np.array(table, float).reshape(-1, 7).T.copy())
+        table.append((*own.targets[v], own.area or 0.0, own.weight, own.slim))
+    return np.array(table, float).reshape(-1, 6)
 
 
 def rows_of_blocks(mesh, blocks, asked):
     corners = row_corners(blocks, *mesh.topology.cells)
     cells = reference.as_lists(mesh)
-    return rows_of(
+    table = asked_table(
         mesh.cell_vertices[corners].tolist(), [cells[c] for c in blocks.cells.tolist()], asked
     )
+    return make_rows(blocks, table[:, :3], *table[:, 3:].T.copy())
 
 
 def sweep(mesh, energy, *, xy=None, threads=1, colours=None, asked=None, held=FREE):
     """Sweep once; returns new coordinates, the vertices in their order and their moves."""
     blocks = build_blocks(mesh.topology.schedule(True))
+    # Angles and sines alone, where nothing else is held.
+    held = held[:3] if held == FREE else held
     rest = np.tile(held, (mesh.n_vertices, 1)), rows_of_blocks(mesh, blocks, asked)
     xy = (mesh.xy if xy is None else xy).copy()
     moves = np.full(blocks.vertices.size, np.nan)
@@ -75,7 +77,9 @@ def sweep(mesh, energy, *, xy=None, threads=1, colours=None, asked=None, held=FR
 
 
 def lane(mesh, v, asked=None):
-    """Scratch of a block with one lane, for vertex v: star, scratch, quads, triangles, rows."""
+    """Scratch of a block with one lane, for vertex v: star, scratch, quads, triangles, what is
+    asked: shapes, sizes, walls on shape.
+    """
     schedule = mesh.topology.schedule(True)
     i = schedule.vertices.tolist().index(v)
     of_vertex = slice(schedule.offsets[i], schedule.offsets[i + 1])
@@ -89,34 +93,45 @@ def lane(mesh, v, asked=None):
     star.reshape(corners.size, 2, LANES)[:, :, 0] = mesh.xy[corners]
     s = np.zeros(lanes.N_ROWS * LANES)
     s[lanes.X], s[lanes.Y] = mesh.xy[v]
-    return star, s, len(quads), len(triangles), tuple(rows_of([v] * len(cells), cells, asked))
+    m11, m12, m22, area, weight, slim = asked_table([v] * len(cells), cells, asked).T.copy()
+    inv_area = np.divide(1.0, area, out=np.zeros(area.size), where=area > 0.0)
+    asks = (m11, m12, m22), (area, inv_area, weight), slim
+    return star, s, len(quads), len(triangles), asks
+
+
+def run_loops(made, energy, module, prefix, which):
+    """Run the loops over all cells of a star, those with walls where there are any."""
+    star, s, n_quads, n_triangles, (shapes, sizes, slim) = made
+    walled = math.isfinite(energy[1]) or slim.any()
+    for k in range(n_quads + n_triangles):
+        kind = "quad" if k < n_quads else "triangle"
+        row = min(k, n_quads) * lanes.ROW6 + max(0, k - n_quads) * lanes.ROW4
+        at = star, s, row, which
+        if walled:
+            loop = getattr(module, f"{prefix}_walled_{kind}")
+            loop(*at, shapes, k, slim, k, terms(energy))
+        else:
+            getattr(module, f"{prefix}_{kind}")(*at, shapes, k, terms(energy))
+        if sizes[2].any():
+            getattr(module, f"{prefix}_{kind}_size")(*at, sizes, k, terms(energy))
 
 
 def derivatives(mesh, v, energy, asked=None):
     """Energy, gradient and Hessian of a vertex's star, by the kernel."""
-    star, s, n_quads, n_triangles, rows = lane(mesh, v, asked)
-    for k in range(n_quads):
-        star_kernels.add_quad(star, s, k * lanes.ROW6, 1, rows, k, terms(energy))
-    for k in range(n_triangles):
-        row = n_quads * lanes.ROW6 + k * lanes.ROW4
-        star_kernels.add_triangle(star, s, row, 1, rows, n_quads + k, terms(energy))
+    made = lane(mesh, v, asked)
+    run_loops(made, energy, star_kernels, "add", 1)
+    s = made[1]
     gradient = np.array([s[lanes.GX], s[lanes.GY]])
     hessian = np.array([[s[lanes.HXX], s[lanes.HXY]], [s[lanes.HXY], s[lanes.HYY]]])
     return s[lanes.ENERGY], gradient, hessian
 
 
-def trial(mesh, v, z, energy, asked=None, held=FREE):
+def trial(mesh, v, z, energy, asked=None):
     """Energy and margin with the vertex at z, by the kernel."""
-    star, s, n_quads, n_triangles, rows = lane(mesh, v, asked)
+    made = lane(mesh, v, asked)
+    s = made[1]
     s[lanes.PX], s[lanes.PY], s[lanes.MARGIN] = *z, math.inf
-    names = "MOST_COSINE LEAST_COSINE LEAST_SINE MOST_RATIO MOST_SHAPE LEAST_EDGE"
-    for name, limit in zip(names.split(), held, strict=True):
-        s[getattr(lanes, name)] = limit
-    for k in range(n_quads):
-        star_kernels.try_quad(star, s, k * lanes.ROW6, 1, rows, k, terms(energy))
-    for k in range(n_triangles):
-        row = n_quads * lanes.ROW6 + k * lanes.ROW4
-        star_kernels.try_triangle(star, s, row, 1, rows, n_quads + k, terms(energy))
+    run_loops(made, energy, star_trials, "try", (0, 1))
     return s[lanes.TRIAL], s[lanes.MARGIN]
 
 

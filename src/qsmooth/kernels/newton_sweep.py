@@ -17,7 +17,7 @@ A trial is refused where it lowers no energy, inverts a cell, or makes a corner 
 what is held: no state on the way is worse than the first.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import prange
@@ -68,7 +68,7 @@ from qsmooth.kernels.star_trials import (
 
 # Up to so many lanes of a block are tried one by one, more of them all together.
 FEW = 6
-ONE = np.uint64(1)
+ONE: Any = np.uint64(1)
 
 
 class Shapes(NamedTuple):

@@ -6,6 +6,9 @@ cell of each star: what it adds to the energy and its derivatives, and what it s
 Most blocks ask for little: squares of any size, and no wall before the mean has settled. What a
 block asks for beyond that is told by its flags (`blocks.Rows`), and taken from loops of its own; a
 branch inside a loop would stop vectorisation.
+
+The energies are rounded as those of `star_trials` are: at rest a vertex would else take a hair of
+rounding, raised to the power of 64, for a step that it cannot find.
 """
 
 import math
@@ -91,71 +94,91 @@ def shape_wall(f: float, slim: float) -> tuple[float, float, float]:
     r4 = r2 * r2
     r8 = r4 * r4
     r14 = r8 * r4 * r2
-    return r14 * r2, 16.0 * slim * (r14 * r), 240.0 * slim * slim * r14
+    return r8 * r8, 16.0 * slim * (r14 * r), 240.0 * slim * slim * r14
 
 
 @lane_helper()
-def _add_shape(
-    n: Quadratic,
-    det: Linear,
-    slim: float,
-    mean_weight: float,
-    walled: bool,
-    s: FloatArray,
-    i: int,
-) -> None:
-    """Add a corner's shape energy and, if `walled`, the wall on it, with their derivatives."""
-    inv, f, fx, fy = quotient(n, det)
-    weight = mean_weight
-    s[ENERGY + i] += mean_weight * f
-    if walled:
-        high, slope, second = shape_wall(f, slim)
-        weight += slope
-        s[ENERGY + i] += high
-        s[HXX + i] += second * fx * fx
-        s[HXY + i] += second * fx * fy
-        s[HYY + i] += second * fy * fy
-    s[GX + i] += weight * fx
-    s[GY + i] += weight * fy
-    xx, xy, yy = hessian(n.second, fx, fy, det)
-    weight *= inv
-    s[HXX + i] += weight * xx
-    s[HXY + i] += weight * xy
-    s[HYY + i] += weight * yy
+def _badness(
+    det_inv: float, dx: float, dy: float, uu: Quadratic, ww: Quadratic, inv_squares: float
+) -> tuple[float, float, float, float]:
+    """Square of g = |u| |w| / det, gradient of log g, and what of its Hessian is a multiple of one.
+
+    Given are one over det, the gradient of log det, ½ |u|², ½ |w|² and one over their product.
+    """
+    # |u| |w| / det lies under (|u|² t + |w|² / t) / (2 det) for every t > 0, and touches it at the
+    # t = |w| / |u| taken here. That bound is convex: what lowers it lowers the energy. Over g it
+    # needs no root.
+    half = 0.5 * inv_squares
+    return (
+        4.0 * uu.value * ww.value * det_inv * det_inv,
+        (uu.x * ww.value + ww.x * uu.value) * half - dx,
+        (uu.y * ww.value + ww.y * uu.value) * half - dy,
+        (uu.second * ww.value + ww.second * uu.value) * half,
+    )
 
 
 @lane_helper()
 def _add_wall(
-    det: Linear, uu: Quadratic, ww: Quadratic, scale: float, terms: Terms, s: FloatArray, i: int
+    det_inv: float,
+    dx: float,
+    dy: float,
+    uu: Quadratic,
+    ww: Quadratic,
+    inv_squares: float,
+    scale: float,
+    terms: Terms,
+    s: FloatArray,
+    i: int,
 ) -> None:
-    """Add the wall on a corner's badness and its derivatives by the vertex that moves.
+    """Add the wall on a corner's badness, with its derivatives; `scale` is one over the threshold.
 
-    Given are its determinant, and ½ |u|² and ½ |w|² of its edges; and one over the threshold.
+    The rest is as in `_badness`.
     """
-    # |u| |w| / det lies under (|u|² t + |w|² / t) / (2 det) for every t > 0, and touches it at the
-    # t = |w| / |u| taken here. That bound is convex: what lowers it lowers the energy. It all takes
-    # two divisions a corner; with five a sweep was a fifth slower.
-    inv = 1.0 / det.value
-    root = math.sqrt(uu.value * ww.value)
-    inv_root = 1.0 / root
-    t, inv_t = ww.value * inv_root, uu.value * inv_root
-    g, inv_g = 2.0 * root * inv, 0.5 * det.value * inv_root
-    gx = (uu.x * t + ww.x * inv_t - g * det.x) * inv
-    gy = (uu.y * t + ww.y * inv_t - g * det.y) * inv
-    high = power(g * scale, terms.squarings)
-    slope = terms.power * high * inv_g
-    second = (terms.power - 1.0) * slope * inv_g
+    gg, lx, ly, diagonal = _badness(det_inv, dx, dy, uu, ww, inv_squares)
+    high = power(gg * (scale * scale), terms.squarings - 1)
+    first = terms.power * high
+    second = (terms.power - 1.0) * first
+    mx, my = first * lx, first * ly
     s[ENERGY + i] += high
-    s[GX + i] += slope * gx
-    s[GY + i] += slope * gy
-    slope *= inv
-    xx, xy, yy = hessian(uu.second * t + ww.second * inv_t, gx, gy, det)
-    s[HXX + i] += slope * xx + second * gx * gx
-    s[HXY + i] += slope * xy + second * gx * gy
-    s[HYY + i] += slope * yy + second * gy * gy
+    s[GX + i] += mx
+    s[GY + i] += my
+    s[HXX + i] += first * diagonal - 2.0 * mx * dx + second * lx * lx
+    s[HXY + i] += second * lx * ly - (mx * dy + my * dx)
+    s[HYY + i] += first * diagonal - 2.0 * my * dy + second * ly * ly
 
 
-# `walled` is a constant where these are called: what it rules out is not compiled.
+@lane_helper()
+def _add_walled(
+    n: Quadratic,
+    det: Linear,
+    uu: Quadratic,
+    ww: Quadratic,
+    slim: float,
+    terms: Terms,
+    s: FloatArray,
+    i: int,
+) -> None:
+    """Add the shape energy of a quad's corner, the wall on it and that on badness.
+
+    Given are f's numerator, the determinant, and ½ |u|² and ½ |w|² of the edges.
+    """
+    inv, f, fx, fy = quotient(n, det)
+    wall, slope, bend = shape_wall(f, slim)
+    weight = terms.mean_weight + slope
+    dx, dy = det.x * inv, det.y * inv
+    gg, lx, ly, diagonal = _badness(inv, dx, dy, uu, ww, 1.0 / (uu.value * ww.value))
+    high = power(gg * (terms.scale * terms.scale), terms.squarings - 1)
+    first = terms.power * high
+    second = (terms.power - 1.0) * first
+    # What the Hessians of quotients have in common: −∇ ∇log detᵀ − ∇log det ∇ᵀ.
+    mx, my = weight * fx + first * lx, weight * fy + first * ly
+    diagonal = weight * inv * n.second + first * diagonal
+    s[ENERGY + i] += terms.mean_weight * f + (wall + high)
+    s[GX + i] += mx
+    s[GY + i] += my
+    s[HXX + i] += diagonal - 2.0 * mx * dx + bend * fx * fx + second * lx * lx
+    s[HXY + i] += bend * fx * fy + second * lx * ly - (mx * dy + my * dx)
+    s[HYY + i] += diagonal - 2.0 * my * dy + bend * fy * fy + second * ly * ly
 
 
 @lane_helper()
@@ -170,27 +193,27 @@ def _add_quad(
     terms: Terms,
     walled: bool,
 ) -> None:
-    weight, scale = terms.mean_weight, terms.scale
+    """Add a quad; `walled` is a constant to the compiler, which leaves out what it rules out."""
     px, py = s[X + i], s[Y + i]
     ax, ay = star[k + i] - px, star[k + ROW + i] - py
     bx, by = star[k + ROW2 + i] - px, star[k + ROW3 + i] - py
     cx, cy = star[k + ROW4 + i] - px, star[k + ROW5 + i] - py
     va, vc = half_square(ax, ay), half_square(cx, cy)
-    det = determinant(ax, ay, cx, cy)
-    _add_shape(rectangle_numerator(m11, m22, va, vc), det, slim, weight, walled, s, i)
-    if walled:
-        _add_wall(det, va, vc, scale, terms, s, i)
     # At the neighbouring corners the sides of a rectangle change places.
-    ex, ey = bx - ax, by - ay
-    ab, det = fixed_half_square(ex, ey), determinant_to_previous(ex, ey, -ax, -ay)
-    _add_shape(rectangle_numerator(m22, m11, ab, va), det, slim, weight, walled, s, i)
+    ex, ey, hx, hy = bx - ax, by - ay, bx - cx, by - cy
+    ab, cb = fixed_half_square(ex, ey), fixed_half_square(hx, hy)
+    at_v, at_a = determinant(ax, ay, cx, cy), determinant_to_previous(ex, ey, -ax, -ay)
+    at_c = determinant_to_next(-cx, -cy, hx, hy)
+    n_v, n_a = rectangle_numerator(m11, m22, va, vc), rectangle_numerator(m22, m11, ab, va)
+    n_c = rectangle_numerator(m22, m11, vc, cb)
     if walled:
-        _add_wall(det, ab, va, scale, terms, s, i)
-    ex, ey = bx - cx, by - cy
-    cb, det = fixed_half_square(ex, ey), determinant_to_next(-cx, -cy, ex, ey)
-    _add_shape(rectangle_numerator(m22, m11, vc, cb), det, slim, weight, walled, s, i)
-    if walled:
-        _add_wall(det, vc, cb, scale, terms, s, i)
+        _add_walled(n_v, at_v, va, vc, slim, terms, s, i)
+        _add_walled(n_a, at_a, ab, va, slim, terms, s, i)
+        _add_walled(n_c, at_c, vc, cb, slim, terms, s, i)
+    else:
+        add_energy(n_v, at_v, terms.mean_weight, s, i)
+        add_energy(n_a, at_a, terms.mean_weight, s, i)
+        add_energy(n_c, at_c, terms.mean_weight, s, i)
 
 
 @lane_helper()
@@ -204,21 +227,35 @@ def _add_triangle(
     terms: Terms,
     walled: bool,
 ) -> None:
+    """Add a triangle: one determinant and one shape energy, and a badness at each corner."""
     px, py = s[X + i], s[Y + i]
     ax, ay = star[k + i] - px, star[k + ROW + i] - py
     cx, cy = star[k + ROW2 + i] - px, star[k + ROW3 + i] - py
     va, vc = half_square(ax, ay), half_square(cx, cy)
-    # One determinant and one shape energy for the triangle, and a badness at each corner.
     det = determinant(ax, ay, cx, cy)
-    shape = numerator(target, va, dot(ax, ay, cx, cy), vc)
-    _add_shape(shape, det, slim, terms.mean_weight, walled, s, i)
-    if walled:
+    n = numerator(target, va, dot(ax, ay, cx, cy), vc)
+    if not walled:
+        add_energy(n, det, terms.mean_weight, s, i)
+    else:
+        inv, f, fx, fy = quotient(n, det)
+        wall, slope, bend = shape_wall(f, slim)
+        weight = terms.mean_weight + slope
+        s[ENERGY + i] += terms.mean_weight * f + wall
+        s[GX + i] += weight * fx
+        s[GY + i] += weight * fy
+        xx, xy, yy = hessian(n.second, fx, fy, det)
+        weight *= inv
+        s[HXX + i] += weight * xx + bend * fx * fx
+        s[HXY + i] += weight * xy + bend * fx * fy
+        s[HYY + i] += weight * yy + bend * fy * fy
         ac = fixed_half_square(cx - ax, cy - ay)
+        dx, dy = det.x * inv, det.y * inv
+        all_inv = 1.0 / (va.value * vc.value * ac.value)
         # The sine of 60 degrees is ideal in triangles.
         scale = terms.scale * SINE_60
-        _add_wall(det, va, vc, scale, terms, s, i)
-        _add_wall(det, ac, va, scale, terms, s, i)
-        _add_wall(det, ac, vc, scale, terms, s, i)
+        _add_wall(inv, dx, dy, va, vc, all_inv * ac.value, scale, terms, s, i)
+        _add_wall(inv, dx, dy, ac, va, all_inv * vc.value, scale, terms, s, i)
+        _add_wall(inv, dx, dy, ac, vc, all_inv * va.value, scale, terms, s, i)
 
 
 @helper()

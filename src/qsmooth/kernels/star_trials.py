@@ -5,8 +5,6 @@ worse than what is held. Both have to be positive. All differences are of stored
 each determinant is taken about one of its points, as the error bound asks.
 """
 
-import math
-
 from qsmooth._types import FloatArray
 from qsmooth.kernels._jit import helper, lane_helper
 from qsmooth.kernels.corner_energy import INV_ROOT3, Target
@@ -52,12 +50,11 @@ def _keep(margin: float, s: FloatArray, i: int) -> None:
 
 
 @lane_helper()
-def _hold(det: float, dot: float, uu: float, ww: float, best: float, s: FloatArray, i: int) -> None:
-    """Keep the margins of a corner's cosine and sine; `best` is the square of the best sine.
+def _hold(det: float, dot: float, squares: float, best: float, s: FloatArray, i: int) -> None:
+    """Keep the margins of a corner's cosine and sine, of |u|² |w|² and the square of its best sine.
 
     All are squared, with their signs: this takes no root.
     """
-    squares = 4.0 * uu * ww
     cosine = dot * abs(dot)
     _keep(s[MOST_COSINE + i] * squares - cosine, s, i)
     _keep(cosine - s[LEAST_COSINE + i] * squares, s, i)
@@ -65,24 +62,26 @@ def _hold(det: float, dot: float, uu: float, ww: float, best: float, s: FloatArr
 
 
 @lane_helper()
-def _try_energy(
+def _try_corner(
     n: float,
     det: float,
-    uu: float,
-    ww: float,
+    dot: float,
+    squares: float,
     slim: float,
     terms: Terms,
     walled: bool,
     s: FloatArray,
     i: int,
 ) -> None:
-    """Add a corner's shape energy and, if `walled`, the walls on shape and corner."""
+    """Add a quad's corner: shape energy and, if `walled`, the walls on shape and corner."""
+    _hold(det, dot, squares, 1.0, s, i)
     inv = 1.0 / det
     f = n * inv
-    s[TRIAL + i] += terms.mean_weight * f
+    energy = terms.mean_weight * f
     if walled:
-        g = 2.0 * math.sqrt(uu * ww) * inv
-        s[TRIAL + i] += power(f * slim, 4) + power(g * terms.scale, terms.squarings)
+        gg = squares * inv * inv * (terms.scale * terms.scale)
+        energy += power(f * slim, 4) + power(gg, terms.squarings - 1)
+    s[TRIAL + i] += energy
 
 
 @lane_helper()
@@ -104,18 +103,18 @@ def _try_quad(
     wx, wy = cx - px, cy - py
     va, vc = 0.5 * (ux * ux + uy * uy), 0.5 * (wx * wx + wy * wy)
     det = _certify(ux * wy, uy * wx, s, i)
-    _hold(det, ux * wx + uy * wy, va, vc, 1.0, s, i)
-    _try_energy(m11 * va + m22 * vc, det, va, vc, slim, terms, walled, s, i)
+    n, dot = m11 * va + m22 * vc, ux * wx + uy * wy
+    _try_corner(n, det, dot, 4.0 * va * vc, slim, terms, walled, s, i)
     ex, ey = bx - ax, by - ay
     ab = 0.5 * (ex * ex + ey * ey)
     det = _certify(ey * ux, ex * uy, s, i)
-    _hold(det, -(ex * ux + ey * uy), ab, va, 1.0, s, i)
-    _try_energy(m22 * ab + m11 * va, det, ab, va, slim, terms, walled, s, i)
+    n, dot = m22 * ab + m11 * va, -(ex * ux + ey * uy)
+    _try_corner(n, det, dot, 4.0 * ab * va, slim, terms, walled, s, i)
     ex, ey = bx - cx, by - cy
     cb = 0.5 * (ex * ex + ey * ey)
     det = _certify(ex * wy, ey * wx, s, i)
-    _hold(det, -(ex * wx + ey * wy), cb, vc, 1.0, s, i)
-    _try_energy(m22 * vc + m11 * cb, det, cb, vc, slim, terms, walled, s, i)
+    n, dot = m22 * vc + m11 * cb, -(ex * wx + ey * wy)
+    _try_corner(n, det, dot, 4.0 * cb * vc, slim, terms, walled, s, i)
 
 
 @lane_helper()
@@ -136,18 +135,22 @@ def _try_triangle(
     va, vc = 0.5 * (ux * ux + uy * uy), 0.5 * (wx * wx + wy * wy)
     ac, uw = 0.5 * (ex * ex + ey * ey), ux * wx + uy * wy
     det = _certify(ux * wy, uy * wx, s, i)
-    _hold(det, uw, va, vc, THREE_QUARTERS, s, i)
-    _hold(det, -(ex * ux + ey * uy), ac, va, THREE_QUARTERS, s, i)
-    _hold(det, ex * wx + ey * wy, ac, vc, THREE_QUARTERS, s, i)
+    at_v, at_a, at_c = 4.0 * va * vc, 4.0 * ac * va, 4.0 * ac * vc
+    _hold(det, uw, at_v, THREE_QUARTERS, s, i)
+    _hold(det, -(ex * ux + ey * uy), at_a, THREE_QUARTERS, s, i)
+    _hold(det, ex * wx + ey * wy, at_c, THREE_QUARTERS, s, i)
     inv = 1.0 / det
     f = (target.m11 * va + target.m12 * uw + target.m22 * vc) * inv
-    s[TRIAL + i] += terms.mean_weight * f
+    energy = terms.mean_weight * f
     if walled:
-        s[TRIAL + i] += power(f * slim, 4)
-        scale = 2.0 * SINE_60 * terms.scale * inv
-        s[TRIAL + i] += power(math.sqrt(va * vc) * scale, terms.squarings)
-        s[TRIAL + i] += power(math.sqrt(ac * va) * scale, terms.squarings)
-        s[TRIAL + i] += power(math.sqrt(ac * vc) * scale, terms.squarings)
+        energy += power(f * slim, 4)
+    s[TRIAL + i] += energy
+    if walled:
+        scale = terms.scale * SINE_60
+        scale *= scale
+        s[TRIAL + i] += power(at_v * inv * inv * scale, terms.squarings - 1)
+        s[TRIAL + i] += power(at_a * inv * inv * scale, terms.squarings - 1)
+        s[TRIAL + i] += power(at_c * inv * inv * scale, terms.squarings - 1)
 
 
 @helper()
