@@ -185,7 +185,7 @@ class Case:
         self.sizes = np.ones(mesh.n_vertices)
         self.moves = np.empty(self.blocks.vertices.size)
         lanes = Lanes(mesh.topology, self.stars, threads_for(1, self.stars.vertices.size))
-        self.held, self.rows = lanes.held, lanes._rows
+        self.held, self.rows = lanes.caps.held, lanes._rows
 
     def by_blocks(self):
         xy = self.mesh.xy.copy()
