@@ -15,6 +15,7 @@ from qsmooth.kernels.newton_sweep import Wall, newton_sweep
 from qsmooth.kernels.stars import NO_VERTEX
 from qsmooth.kernels.untangle_sweep import untangle_sweep
 from qsmooth.optimizer.lanes import Lanes
+from qsmooth.targets import ideal
 
 pytestmark = pytest.mark.benchmark(group="optimizer")
 SWEEPS = 10
@@ -185,6 +186,7 @@ class Case:
         self.sizes = np.ones(mesh.n_vertices)
         self.moves = np.empty(self.blocks.vertices.size)
         lanes = Lanes(mesh.topology, self.stars, threads_for(1, self.stars.vertices.size))
+        lanes.aim_at(ideal(mesh.topology))
         self.held, self.rows = lanes.caps.held, lanes._rows
 
     def by_blocks(self):

@@ -9,10 +9,11 @@ import promises
 from meshes import KINDS, grid, random_mesh, tangle
 from qsmooth import Mesh, Optimize, quality, smooth
 from qsmooth.engine import threads_for
-from qsmooth.examples import bump, jittered, random_triangles, structured
+from qsmooth.examples import bump, jittered, random_triangles, structured, tangled
 from qsmooth.metrics import Validity
 from qsmooth.optimizer.caps import FREE, HELD, HOLDABLE, Caps
 from qsmooth.optimizer.lanes import Lanes
+from qsmooth.targets import ideal
 
 
 def caps_of(mesh, also=()):
@@ -86,6 +87,73 @@ def test_a_good_region_gets_no_worse_for_the_sake_of_its_mean_beside_a_bad_one()
     assert not np.array_equal(result.points[:n], mesh.points[:n])
     assert after.min_angle[:m].min() >= before.min_angle[:m].min() * (1.0 - 1e-9)
     assert after.max_angle[:m].max() <= before.max_angle[:m].max() * (1.0 + 1e-9)
+
+
+def settled_but_far_from_the_worst(seed):
+    """Triangles as good as they get, and then all shaken that are far from the largest angle."""
+    settled = smooth(random_triangles(600, seed=seed), Optimize(target="ideal")).mesh
+    own = quality(settled)
+    worst = settled.points[settled.cells[0][own.max_angle.argmax()]].mean(axis=0)
+    shortest = np.full(settled.n_vertices, np.inf)
+    np.minimum.at(shortest, settled.cell_vertices, np.repeat(own.min_edge, 3))
+    far = (np.linalg.norm(settled.points - worst, axis=1) > 0.2) & ~settled.is_fixed
+    shift = np.random.default_rng(seed).uniform(-1.0, 1.0, settled.points.shape)
+    return settled.with_points(settled.points + shift * (0.25 * shortest * far)[:, None])
+
+
+@pytest.mark.parametrize("seed", [2, 3, 7])
+def test_one_region_does_not_veto_what_others_gain(monkeypatch, seed):
+    mesh = settled_but_far_from_the_worst(seed)
+    held = promises.check(mesh, Optimize(target="ideal")).result
+    hold = Caps.hold
+    monkeypatch.setattr(Caps, "hold", lambda self, xy, also=(): hold(self, xy, also) if also else 0)
+    free = smooth(mesh, Optimize(target="ideal"))
+    # Left to itself it gives the largest angle up, at one place; held there it gains as much.
+    assert free.after.worst["max_angle"] > mesh_angle(mesh) + 0.1
+    assert held.after.worst["max_angle"] <= mesh_angle(mesh) * (1.0 + 1e-9)
+    assert held.after.mean["shape"] > held.before.mean["shape"] + 0.02
+    assert held.after.mean["shape"] > free.after.mean["shape"] - 1e-3
+    assert held.after.worst["min_angle"] > held.before.worst["min_angle"] + 1.0
+
+
+def mesh_angle(mesh):
+    return quality(mesh).max_angle.max()
+
+
+# ------------------------------------------------------------------------------- a part of a mesh
+
+
+@pytest.mark.parametrize("hold", [(), *((name,) for name in HOLDABLE), HOLDABLE])
+def test_what_is_selected_is_held_too(hold):
+    mesh = jittered(24, 24, amount=0.45, seed=6)
+    method = Optimize(hold=hold, selection="max_angle > 130", selection_rings=1)
+    result = promises.check(mesh, method).result
+    movable = promises.movable_vertices(mesh, method)
+    moved = (result.points != mesh.points).any(axis=1)
+    assert moved.any()
+    assert not moved[~movable].any()
+    assert result.after.worst["min_angle"] > result.before.worst["min_angle"]
+
+
+@pytest.mark.parametrize("hold", [(), HOLDABLE])
+@pytest.mark.parametrize("kind", ["quad", "triangle", "mixed"])
+def test_selected_tangles_are_mended_and_then_held(kind, hold):
+    mesh = tangled(16, 16, amount=1.2, seed=5, kind=kind)
+    method = Optimize(hold=hold, selection="scaled_jacobian <= 0", selection_rings=2)
+    result = promises.check(mesh, method).result
+    assert result.after.n_invalid < result.before.n_invalid
+    rests = ~promises.movable_vertices(mesh, method)
+    assert np.array_equal(result.points[rests], mesh.points[rests])
+
+
+@pytest.mark.nojit
+def test_parts_of_a_selection_that_do_not_touch_are_regions():
+    mesh = jittered(12, 12, amount=0.3, seed=1)
+    method = Optimize(selection=[13, 14, 130], max_sweeps=20)
+    movable = promises.movable_vertices(mesh, method)
+    of_vertices, _ = Caps(mesh.topology, movable).regions
+    assert of_vertices.max() == 1
+    promises.check(mesh, method)
 
 
 # ------------------------------------------------------------------------------- what sets no cap
@@ -173,6 +241,7 @@ def test_a_worst_corner_does_not_freeze_its_cell(kind, least):
 
     mesh = slivers(kind, 5, 3, least)
     lanes = Lanes(mesh.topology, mesh.topology.schedule(True), threads_for(1, mesh.n_vertices))
+    lanes.aim_at(ideal(mesh.topology))
     lanes.caps.hold(mesh.xy, HOLDABLE)
     nothing = np.tile(FREE, (mesh.n_vertices, 1))
     wall = Wall(1.0, np.inf, 1)
@@ -188,7 +257,9 @@ def test_a_worst_corner_does_not_freeze_its_cell(kind, least):
         for v in vertices[stays]:
             trial = mesh.xy.copy()
             trial[v] = free[v]
-            assert lanes.caps.beyond(trial)[mesh.star_cells[slice(*mesh.star_offsets[v : v + 2])]].any()
+            assert lanes.caps.beyond(trial)[
+                mesh.star_cells[slice(*mesh.star_offsets[v : v + 2])]
+            ].any()
     assert refused < 0.5 * lanes.movable.sum()
 
 
@@ -233,7 +304,6 @@ def test_where_nothing_is_held_back_nothing_is_told():
 
 
 def test_what_is_held_back_is_told_with_the_cell_that_would_get_worse():
-    # The ends of a row of cells are pressed flat by what is fixed, and nothing may get flatter.
     mesh = bump(60, height=0.8, width=0.1)
     seen = promises.check(mesh, Optimize(hold="aspect_ratio")).result
     by_figure = {held.figure: held for held in seen.outcome.held}
@@ -243,6 +313,29 @@ def test_what_is_held_back_is_told_with_the_cell_that_would_get_worse():
     assert held.vertices >= 1
     assert f"the largest aspect ratio, held at {held.value:.3g}, keeps " in seen.reason
     assert f"at cell {held.cell}" in seen.reason
+
+
+def test_a_vertex_that_is_told_of_would_gain_and_break_what_is_held():
+    mesh = settled_but_far_from_the_worst(3)
+    result = smooth(mesh, Optimize(target="ideal"))
+    (held,) = result.outcome.held
+    assert (held.figure, held.vertices) == ("max_angle", 1)
+    assert held.value == pytest.approx(mesh_angle(mesh), abs=1e-9)
+    # Some vertex of the cell has a place near by where its cells are better on the whole, and this
+    # one has a larger angle than may be.
+    after = result.mesh
+    gains = []
+    for v in after.cells[0][held.cell]:
+        star = after.star_cells[slice(*after.star_offsets[v : v + 2])]
+        old = quality(after)
+        for angle in np.linspace(0.0, 2.0 * np.pi, 60):
+            points = after.points.copy()
+            step = 0.02 * old.min_edge[star].min()
+            points[v] += step * np.cos(angle), step * np.sin(angle)
+            new = quality(after.with_points(points))
+            if new.max_angle[held.cell] > held.value and not after.is_fixed[v]:
+                gains.append((1.0 / old.shape[star] - 1.0 / new.shape[star]).sum())
+    assert max(gains) > 0.0
 
 
 def test_a_limit_of_the_caller_is_told_instead_of_what_is_held():

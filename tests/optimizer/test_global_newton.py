@@ -22,15 +22,14 @@ def asked(mesh):
 
 def lanes_of(mesh):
     lanes = Lanes(mesh.topology, mesh.topology.schedule(True), threads_for(1, mesh.n_vertices))
+    lanes.aim_at(ideal(mesh.topology))
     lanes.caps.hold(mesh.xy)
     return lanes
 
 
 def solver(mesh):
     lanes = lanes_of(mesh)
-    return GlobalNewton(
-        mesh.topology, lanes.stars, lanes.targets.corners, lanes.sizes, lanes.caps
-    )
+    return GlobalNewton(mesh.topology, lanes.stars, lanes.targets.corners, lanes.sizes, lanes.caps)
 
 
 def warped(n=24, kind="quad"):
@@ -106,9 +105,7 @@ def test_a_step_leaves_nothing_beyond_what_is_held(hold):
     lanes.caps.hold(mesh.xy, hold)
     assert not lanes.caps.forbidden(mesh.xy).any()
     xy = mesh.xy.copy()
-    steps = GlobalNewton(
-        mesh.topology, lanes.stars, lanes.targets.corners, lanes.sizes, lanes.caps
-    )
+    steps = GlobalNewton(mesh.topology, lanes.stars, lanes.targets.corners, lanes.sizes, lanes.caps)
     assert steps.step(xy) > 0.0
     assert not lanes.caps.forbidden(xy).any()
 

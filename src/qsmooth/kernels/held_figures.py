@@ -1,4 +1,4 @@
-"""The figures of cells that can be held, by the very formulas by which `newton_sweep` tries them."""
+"""The figures of cells that can be held, by the very formulas of the trials of `newton_sweep`."""
 
 import math
 
@@ -70,9 +70,7 @@ def held_figures(
 
 
 @helper()
-def _triangle(
-    xy: FloatArray, movable: BoolArray, cell_vertices: IndexArray, first: int
-) -> float:
+def _triangle(xy: FloatArray, movable: BoolArray, cell_vertices: IndexArray, first: int) -> float:
     """Find the smallest of a triangle's determinants about each vertex that may move.
 
     A trial takes the one about the vertex that it moves; they differ by rounding.

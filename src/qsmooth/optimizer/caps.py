@@ -15,8 +15,8 @@ from qsmooth.topology import Topology
 
 # What can be held besides the angles and the scaled Jacobian: its worst in the mesh.
 HOLDABLE = ("aspect_ratio", "shape", "min_edge")
-# All that is held, in the order of `kernels.held_figures`; and which of these are better smaller, as
-# they are measured there.
+# All that can be held, in the order of `kernels.held_figures`; and which of these are better
+# smaller, as they are measured there.
 HELD = ("min_angle", "max_angle", "scaled_jacobian", *HOLDABLE)
 SMALLER = np.array([True, False, False, True, True, False])
 # What holds nothing.

@@ -13,7 +13,7 @@ from qsmooth.kernels.stars import Moves, Rings, Stars
 from qsmooth.metrics import Quality
 from qsmooth.optimizer.caps import Caps
 from qsmooth.optimizer.progress import Progress
-from qsmooth.targets import Targets, ideal
+from qsmooth.targets import Targets
 from qsmooth.topology import Topology
 
 if TYPE_CHECKING:
@@ -30,6 +30,8 @@ RELAXATION = 1.7
 class Lanes:
     """Sweeps over the movable vertices, and measures that only what can move counts in.
 
+    All but untangling wants to know first what cells are meant to be (`aim_at`).
+
     Parameters
     ----------
     topology, stars
@@ -39,7 +41,7 @@ class Lanes:
     """
 
     def __init__(self, topology: Topology, stars: Stars, engine: Engine) -> None:
-        from qsmooth.kernels.blocks import build_blocks, row_corners
+        from qsmooth.kernels.blocks import build_blocks
 
         self.topology, self.stars, self._engine = topology, stars, engine
         self.movable = np.zeros(topology.n_vertices, np.bool_)
@@ -50,8 +52,6 @@ class Lanes:
         n_movable = self._blocks.vertices.size
         self._moves = Moves(np.zeros(n_movable), np.zeros(n_movable))
         self._shortest = np.empty(n_movable)
-        self._corners = row_corners(self._blocks, *topology.cells)
-        self.aim_at(ideal(topology))
         self._badness, self._shape = np.empty(topology.n_cells), np.empty(topology.n_cells)
 
     def quality(self, xy: FloatArray) -> Quality:
@@ -62,6 +62,14 @@ class Lanes:
     def caps(self) -> Caps:
         """What is held; nothing at first."""
         return Caps(self.topology, self.movable)
+
+    @cached_property
+    def _row_corners(self) -> IndexArray:
+        """Corner of the vertex in the cell of each row of the blocks."""
+        from qsmooth.kernels.blocks import row_corners
+
+        found: IndexArray = row_corners(self._blocks, *self.topology.cells)
+        return found
 
     def newton(self, xy: FloatArray, wall: Wall, progress: Progress) -> None:
         """Sweep a round downhill on the mean shape and the wall."""
@@ -113,7 +121,7 @@ class Lanes:
         area = np.where(counts, targets.area, 0.0)
         inv_area = np.divide(1.0, area, out=np.zeros_like(area), where=counts)
         self.sizes = np.stack([inv_area, targets.size_weight], axis=1)
-        corners = targets.corners[self._corners]
+        corners = targets.corners[self._row_corners]
         self._rows = Rows(
             m11=corners[:, 0].copy(),
             m12=corners[:, 1].copy(),

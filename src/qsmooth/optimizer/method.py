@@ -17,9 +17,9 @@ from qsmooth.methods.base import Method
 from qsmooth.methods.driver import invalid_cells, stored
 from qsmooth.metrics import Quality, limits, quality
 from qsmooth.optimizer.best import Best
+from qsmooth.optimizer.caps import HOLDABLE
 from qsmooth.optimizer.ground import Ground
 from qsmooth.optimizer.judgement import judged
-from qsmooth.optimizer.caps import HOLDABLE
 from qsmooth.optimizer.lanes import Lanes
 from qsmooth.optimizer.last_look import kept_from_better
 from qsmooth.optimizer.progress import ROUND, Progress

@@ -129,9 +129,7 @@ def _global_steps(
     """Take Newton steps on all vertices at once while each pays; return their count."""
     from qsmooth.optimizer.global_newton import GlobalNewton
 
-    solver = GlobalNewton(
-        lanes.topology, stars, lanes.targets.corners, lanes.sizes, lanes.caps
-    )
+    solver = GlobalNewton(lanes.topology, stars, lanes.targets.corners, lanes.sizes, lanes.caps)
     trial, shape, count = xy.copy(), 0.0, 0
     while count < GLOBAL_STEPS and not progress.spent():
         gain = solver.step(trial)
