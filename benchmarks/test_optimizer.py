@@ -15,6 +15,7 @@ from qsmooth.kernels.newton_sweep import Wall, newton_sweep
 from qsmooth.kernels.stars import NO_VERTEX
 from qsmooth.kernels.untangle_sweep import untangle_sweep
 from qsmooth.optimizer.lanes import Lanes
+from qsmooth.targets import ideal
 
 pytestmark = pytest.mark.benchmark(group="optimizer")
 SWEEPS = 10
@@ -185,7 +186,8 @@ class Case:
         self.sizes = np.ones(mesh.n_vertices)
         self.moves = np.empty(self.blocks.vertices.size)
         lanes = Lanes(mesh.topology, self.stars, threads_for(1, self.stars.vertices.size))
-        self.held, self.rows = lanes._held, lanes._rows
+        lanes.aim_at(ideal(mesh.topology))
+        self.held, self.rows = lanes.caps.swept, lanes._rows
 
     def by_blocks(self):
         xy = self.mesh.xy.copy()

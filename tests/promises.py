@@ -304,7 +304,7 @@ def what_must_rest_rests(seen: Run):
 def held_from(seen: Run):
     """The mesh whose worst figures are held: the input, or what untangling alone makes of it.
 
-    None where there is none: neither is valid, or where that went can't be repeated.
+    None where there is none: untangling is all that is done, or where that went can't be repeated.
     """
     mesh, method = seen.mesh, seen.method
     if not invalid_cells(mesh).any():
@@ -318,12 +318,25 @@ def held_from(seen: Run):
         max_sweeps=method.max_sweeps, selection=method.selection,
         selection_rings=method.selection_rings, keep_interfaces=method.keep_interfaces, threads=1,
     )  # fmt: skip
-    untangled = smooth(mesh, alone).mesh
-    return None if invalid_cells(untangled).any() else untangled
+    return smooth(mesh, alone).mesh
 
 
-def corner_figures(mesh):
-    """Smallest angle, largest angle, smallest sine (over 60 degrees' in triangles): in radians."""
+def cells_that_count(mesh):
+    """Mark the cells whose figures are held: valid ones, but those of interior vertices with two.
+
+    One of these two is not valid whatever is done, and so the other can't be good.
+    """
+    n_cells = np.bincount(mesh.cell_vertices, minlength=mesh.n_vertices)
+    doublets = (n_cells == 2) & ~mesh.is_boundary
+    beside = np.logical_or.reduceat(doublets[mesh.cell_vertices], mesh.cell_offsets[:-1])
+    return ~invalid_cells(mesh) & ~beside
+
+
+def corner_figures(mesh, cells):
+    """Smallest angle, largest angle, smallest sine (over 60 degrees' in triangles): in radians.
+
+    Of these cells, (n_cells,).
+    """
     offsets, vertices = mesh.cell_offsets, mesh.cell_vertices
     at = np.arange(len(vertices))
     first, last = (np.repeat(ends, np.diff(offsets)) for ends in (offsets[:-1], offsets[1:]))
@@ -332,7 +345,9 @@ def corner_figures(mesh):
     det, dot = u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0], (u * w).sum(axis=1)
     angles = np.arctan2(det, dot)
     best = np.where(last - first == 3, np.sqrt(0.75), 1.0)
-    sines = det / np.hypot(u[:, 0], u[:, 1]) / np.hypot(w[:, 0], w[:, 1]) / best
+    counts = np.repeat(cells, np.diff(offsets))
+    angles, u, w = angles[counts], u[counts], w[counts]
+    sines = det[counts] / np.hypot(u[:, 0], u[:, 1]) / np.hypot(w[:, 0], w[:, 1]) / best[counts]
     return angles.min(), angles.max(), sines.min()
 
 
@@ -340,12 +355,15 @@ def figures_get_no_worse(seen: Run):
     """What a method that untangles holds gets no worse, and the mean falls by `mean_loss` at most.
 
     Held are the smallest and the largest angle, the smallest scaled Jacobian, and what the option
-    `hold` lists; of an invalid mesh those after untangling.
+    `hold` lists; of an invalid mesh those after untangling, and of cells that stay invalid none.
     """
     if not seen.method.untangles or (start := held_from(seen)) is None:
         return
-    after = seen.result.mesh
-    old, new = corner_figures(start), corner_figures(after)
+    after, cells = seen.result.mesh, cells_that_count(start)
+    assert not (corner_signs(start)[corner_signs(after) <= 0] > 0).any(), "lost a convex corner"
+    if not cells.any():
+        return
+    old, new = corner_figures(start, cells), corner_figures(after, cells)
     # Points are rounded once more in space.
     slack = HELD if start.plane is None else 1e-7
     # An angle is known to about its rounding over its sine: only slivers are as bad as that.
@@ -355,7 +373,7 @@ def figures_get_no_worse(seen: Run):
     assert new[2] >= old[2] * (1.0 - slack), "a worse cell"
     for name in getattr(seen.method, "hold", ()):
         best = 1.0 if HOLDABLE[name] else -1.0
-        before, now = ((best * quality(mesh)[name]).min() for mesh in (start, after))
+        before, now = ((best * quality(mesh)[name][cells]).min() for mesh in (start, after))
         assert now >= before - slack * abs(before), f"a worse {name}"
     told = seen.result.outcome.target
     if told is None:
@@ -367,7 +385,7 @@ def figures_get_no_worse(seen: Run):
         return
     allowed = 1.0 - seen.method.mean_loss
     assert told.after >= allowed * told.before - LEAST_GAIN, "lost of the mean"
-    if told.kind == "ideal":
+    if told.kind == "ideal" and not invalid_cells(start).any():
         means = quality(start).shape.mean(), quality(after).shape.mean()
         assert (told.before, told.after) == pytest.approx(means, rel=1e-9), "tells another mean"
 
@@ -382,7 +400,7 @@ def trades_are_told(seen: Run):
         assert not told, "a trade that was none"
         return
     start = held_from(seen)
-    if start is None or invalid_cells(seen.result.mesh).any():
+    if start is None or invalid_cells(start).any():
         return
     old, new = quality(start), quality(seen.result.mesh)
     figures = {name: (old[name].min(), new[name].min()) for name in ("shape", "min_edge")}
@@ -402,6 +420,30 @@ def trades_are_told(seen: Run):
             assert pair == pytest.approx(figures[trade.gained], rel=1e-9), "gained otherwise"
 
 
+def what_holds_back_is_told(seen: Run):
+    """A figure that kept something from getting better is held, and near where it is held."""
+    told = seen.result.outcome.held
+    assert len({held.figure for held in told}) == len(told), "a figure told of twice"
+    if not told:
+        return
+    assert seen.result.converged, "tells what a run that was cut short could not do"
+    names = ("min_angle", "max_angle", "scaled_jacobian", *getattr(seen.method, "hold", ()))
+    assert {held.figure for held in told} <= set(names), "a figure that is not held"
+    movable = movable_vertices(seen.mesh, seen.method)
+    start, after = held_from(seen), seen.result.mesh
+    for held in told:
+        smaller = held.figure in ("max_angle", "aspect_ratio")
+        corners = slice(*after.cell_offsets[held.cell : held.cell + 2])
+        assert 1 <= held.vertices <= movable.sum()
+        assert movable[after.cell_vertices[corners]].any(), "a cell that nothing changes"
+        if start is None:
+            continue
+        # It is the worst of something in the mesh that counts: no better than the mesh's own.
+        figures = quality(start)[held.figure][cells_that_count(start)]
+        worst, slack = (figures.max() if smaller else figures.min()), 1e-6 * abs(held.value)
+        assert (held.value - worst) * (-1.0 if smaller else 1.0) >= -slack, "held at what is worse"
+
+
 def sizes_are_told(seen: Run):
     """Areas are compared with those of the input, and the shortest edge is that of the mesh."""
     sizes = seen.result.outcome.sizes
@@ -409,7 +451,8 @@ def sizes_are_told(seen: Run):
     if sizes is None:
         return
     old, new = quality(seen.mesh), quality(seen.result.mesh)
-    ratios = (new.area / old.area)[old.area > 0.0] if (old.area > 0.0).any() else [1.0]
+    had_area = old.area > 0.0
+    ratios = new.area[had_area] / old.area[had_area] if had_area.any() else [1.0]
     expected = np.percentile(ratios, [1, 50, 99])
     found = sizes.area_low, sizes.area_median, sizes.area_high
     assert found == pytest.approx(expected, rel=1e-6), "other areas"
@@ -513,6 +556,7 @@ OF_ONE_RUN = [
     what_must_rest_rests,
     figures_get_no_worse,
     trades_are_told,
+    what_holds_back_is_told,
     sizes_are_told,
     sweeps_are_counted,
     outcome_is_true,

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from qsmooth import Limits, Outcome, Stop
-from qsmooth.outcome import Aim, Cut, Forbidden, Invalid, Sizes, Stage, Target, Trade
+from qsmooth.outcome import Aim, Cut, Forbidden, Held, Invalid, Sizes, Stage, Target, Trade
 
 pytestmark = pytest.mark.nojit
 
@@ -37,6 +37,7 @@ FULL = Outcome(
         ),
     ),
     forbidden=Forbidden(scaled_jacobian=0.4, mean_loss=0.1),
+    held=(Held(figure="max_angle", value=129.7, cell=17, vertices=3),),
     invalid=Invalid(before=4, after=2, first=7, proven=1, first_proven=9),
     cut=Cut(quads=6, diagonal="shorter", broken=1),
     target=Target(kind="squares", before=0.71, after=0.95),
@@ -81,6 +82,7 @@ def test_it_is_written_down_as_it_is(outcome):
     again = [Stage(**{**s, "aim": Aim(s["aim"])}) for s in plain["stages"]]
     assert tuple(again) == outcome.stages
     assert tuple(Trade(**trade) for trade in plain["trades"]) == outcome.trades
+    assert tuple(Held(**held) for held in plain["held"]) == outcome.held
     records = {"forbidden": Forbidden, "invalid": Invalid, "cut": Cut}
     for name, record in {**records, "target": Target, "sizes": Sizes}.items():
         given = plain[name]

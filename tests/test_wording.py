@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from qsmooth import Outcome, Stop
-from qsmooth.outcome import Aim, Cut, Forbidden, Invalid, Sizes, Stage, Target, Trade
+from qsmooth.outcome import Aim, Cut, Forbidden, Held, Invalid, Sizes, Stage, Target, Trade
 from qsmooth.wording import UNCHANGED, reason
 from test_outcome import FULL, LIMITS
 
@@ -132,6 +132,20 @@ def test_what_was_given_up_and_what_was_not():
     )
     assert UNCHANGED not in reason(forbidden)
     assert UNCHANGED in reason(replace(STAGED, unchanged=True))
+
+
+def test_where_what_is_held_kept_something_from_getting_better():
+    angle = Held(figure="max_angle", value=129.66, cell=4711, vertices=12)
+    ratio = Held(figure="aspect_ratio", value=19.93, cell=3, vertices=1)
+    text = reason(replace(STAGED, held=(angle, ratio)))
+    assert text.endswith(
+        "; the largest angle, held at 129.7°, keeps 12 vertices from better places, as at cell "
+        "4711; the largest aspect ratio, held at 19.9, keeps 1 vertex from a better place, as at "
+        "cell 3"
+    )
+    unchanged = reason(replace(STAGED, unchanged=True, held=(angle,)))
+    assert unchanged.startswith("the largest angle, held at 129.7°, keeps 12 vertices from")
+    assert UNCHANGED not in unchanged
 
 
 def test_what_became_of_sizes_and_of_the_target():

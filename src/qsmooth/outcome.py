@@ -190,6 +190,34 @@ class Forbidden:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Held:
+    """A figure that is held, and what that keeps from getting better.
+
+    It is told of a run that stopped by itself, where a vertex had a step to take, all others being
+    where they are, that makes the cells around it better by over one percent, and this figure of
+    one of them worse than it is held at. Where a step would break several figures the first of
+    these counts: smallest angle, largest angle, scaled Jacobian, aspect ratio, shape, edge.
+
+    Attributes
+    ----------
+    figure
+        ``min_angle``, ``max_angle``, ``scaled_jacobian``, ``aspect_ratio``, ``shape`` or
+        ``min_edge``.
+    value
+        The worst that is allowed in the region of the cell: what it was there at first.
+    cell
+        The cell that would get worse than that, of the vertex that would gain most.
+    vertices
+        How many vertices it keeps where they are.
+    """
+
+    figure: str
+    value: float
+    cell: int
+    vertices: int
+
+
+@dataclass(frozen=True, kw_only=True)
 class Outcome:
     """What a method did and why it stopped.
 
@@ -217,6 +245,8 @@ class Outcome:
         first, worse than then.
     forbidden
         What could have been better at a cost that an option forbids.
+    held
+        Where what is held kept something from getting better, a record a figure.
     invalid
         What is or was not valid; None in a mesh of valid cells that stays one.
     cut
@@ -241,6 +271,7 @@ class Outcome:
     largest_share: float = 0.0
     trades: tuple[Trade, ...] = ()
     forbidden: Forbidden | None = None
+    held: tuple[Held, ...] = ()
     invalid: Invalid | None = None
     cut: Cut | None = None
     target: Target | None = None
@@ -255,7 +286,7 @@ class Outcome:
     def to_dict(self) -> dict[str, Any]:
         """Plain values, fit for JSON: None for what is not finite."""
         plain: dict[str, Any] = {**vars(self), "stop": self.stop.value, "sweeps": self.sweeps}
-        for name in ("stages", "trades"):
+        for name in ("stages", "trades", "held"):
             plain[name] = [asdict(record) for record in plain[name]]
         for name in ("forbidden", "invalid", "cut", "target", "sizes"):
             plain[name] = None if plain[name] is None else asdict(plain[name])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from qsmooth._words import in_a_row, plural
-from qsmooth.outcome import Aim, Invalid, Outcome, Sizes, Stage, Stop, Target, Trade
+from qsmooth.outcome import Aim, Held, Invalid, Outcome, Sizes, Stage, Stop, Target, Trade
 
 # Figures in words, and how they are written.
 _FIGURES: dict[str, tuple[str, str]] = {
@@ -106,7 +106,18 @@ def _given_up(outcome: Outcome, spell: Callable[[str], str]) -> list[str]:
             f"{outcome.forbidden.scaled_jacobian:.2f}), but at a cost to the mean shape that "
             f"{spell('mean_loss')}={outcome.forbidden.mean_loss:g} forbids"
         )
+    said += [_kept(held) for held in outcome.held]
     return said
+
+
+def _kept(held: Held) -> str:
+    """Where what is held kept something from getting better."""
+    name, form = _FIGURES[held.figure]
+    places = "a better place" if held.vertices == 1 else "better places"
+    return (
+        f"the {name}, held at {form.format(held.value)}, keeps "
+        f"{plural(held.vertices, 'vertex', 'vertices')} from {places}, as at cell {held.cell}"
+    )
 
 
 def _change(figure: str, before: float, after: float, of: str = "") -> str:
@@ -157,7 +168,7 @@ def _why(outcome: Outcome, spell: Callable[[str], str]) -> list[str]:
     if outcome.stop is Stop.STOP_QUALITY:
         return [f"the worst cell reached {spell('stop_quality')}={outcome.stop_at:g}"]
     if outcome.unchanged:
-        return [] if outcome.forbidden or outcome.invalid else [UNCHANGED]
+        return [] if outcome.forbidden or outcome.held or outcome.invalid else [UNCHANGED]
     if outcome.stop is Stop.RESTS:
         return [
             f"every vertex rests: none moved by over {outcome.stop_at:.3g} of its shortest edge"

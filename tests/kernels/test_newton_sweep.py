@@ -528,21 +528,6 @@ def test_worst_shape_is_that_of_the_worst_corner_towards_its_target(kind):
 
 
 @pytest.mark.nojit
-@pytest.mark.parametrize("kind", ["quads", "triangles", "mixed"])
-def test_corner_extremes_are_angles_and_the_scaled_jacobian(kind):
-    mesh = random_mesh(kind, 3, seed=11, amount=0.8).mesh
-    found, everyone = np.full((mesh.n_cells, 3), np.nan), np.ones(mesh.n_vertices, np.bool_)
-    cell_kernels.corner_extremes(mesh.xy, *mesh.topology.cells, everyone, found)
-    own = quality(mesh)
-    assert np.degrees(np.arccos(found[:, 0])) == pytest.approx(own.min_angle, abs=1e-9)
-    assert np.degrees(np.arccos(found[:, 1])) == pytest.approx(own.max_angle, abs=1e-9)
-    assert found[:, 2] == pytest.approx(own.scaled_jacobian, rel=1e-12)
-    nobody = np.zeros(mesh.n_vertices, np.bool_)
-    cell_kernels.corner_extremes(mesh.xy, *mesh.topology.cells, nobody, found)
-    assert np.array_equal(found, np.tile([-1.0, 1.0, 1.0], (mesh.n_cells, 1)))
-
-
-@pytest.mark.nojit
 def test_badness_is_one_over_the_scaled_jacobian():
     mesh = random_mesh("mixed", 4, seed=12, amount=0.8).mesh
     worst, _ = cell_energy(mesh, np.arange(mesh.n_vertices))

@@ -22,15 +22,14 @@ def asked(mesh):
 
 def lanes_of(mesh):
     lanes = Lanes(mesh.topology, mesh.topology.schedule(True), threads_for(1, mesh.n_vertices))
-    lanes.hold(mesh.xy)
+    lanes.aim_at(ideal(mesh.topology))
+    lanes.caps.hold(mesh.xy)
     return lanes
 
 
 def solver(mesh):
     lanes = lanes_of(mesh)
-    return GlobalNewton(
-        mesh.topology, lanes.stars, lanes.targets.corners, lanes.sizes, lanes.forbidden
-    )
+    return GlobalNewton(mesh.topology, lanes.stars, lanes.targets.corners, lanes.sizes, lanes.caps)
 
 
 def warped(n=24, kind="quad"):
@@ -103,14 +102,12 @@ def test_direct_and_multigrid_steps_go_the_same_way(monkeypatch):
 def test_a_step_leaves_nothing_beyond_what_is_held(hold):
     mesh = distorted(24, 3)
     lanes = lanes_of(mesh)
-    lanes.hold(mesh.xy, hold)
-    assert not lanes.forbidden(mesh.xy).any()
+    lanes.caps.hold(mesh.xy, hold)
+    assert not lanes.caps.forbidden(mesh.xy).any()
     xy = mesh.xy.copy()
-    steps = GlobalNewton(
-        mesh.topology, lanes.stars, lanes.targets.corners, lanes.sizes, lanes.forbidden
-    )
+    steps = GlobalNewton(mesh.topology, lanes.stars, lanes.targets.corners, lanes.sizes, lanes.caps)
     assert steps.step(xy) > 0.0
-    assert not lanes.forbidden(xy).any()
+    assert not lanes.caps.forbidden(xy).any()
 
 
 def test_cells_worse_than_what_is_held_are_forbidden():
@@ -119,7 +116,7 @@ def test_cells_worse_than_what_is_held_are_forbidden():
     rng = np.random.default_rng(0)
     trial, moved = mesh.xy.copy(), lanes.stars.vertices
     trial[moved] += rng.normal(size=(moved.size, 2)) * quality(mesh).min_edge.min()
-    assert lanes.forbidden(trial).any()
+    assert lanes.caps.forbidden(trial).any()
 
 
 def test_few_steps_do_what_sweeps_take_hundreds_for():

@@ -1,4 +1,4 @@
-"""What the optimiser asks of every cell after a round of sweeps: energies and extremes."""
+"""What the optimiser asks of every cell after a round of sweeps: its energies."""
 
 import math
 
@@ -61,43 +61,6 @@ def cell_energy(
             d = a
         badness[c] = worst
         energy[c] = total / (last - first)
-
-
-@parallel_kernel()
-def corner_extremes(
-    xy: FloatArray,
-    cell_offsets: IndexArray,
-    cell_vertices: IndexArray,
-    movable: BoolArray,
-    out: FloatArray,
-) -> None:
-    """Measure the extremes of each cell's corners, by the formulas of `newton_sweep`.
-
-    Parameters
-    ----------
-    movable : (n_vertices,)
-        Corners without a movable vertex can't change and do not count.
-    out : (n_cells, 3)
-        Overwritten: the largest cosine, the smallest cosine, the smallest sine (in a triangle over
-        that of 60 degrees); -1, 1, 1 where no corner counts.
-    """
-    for c in prange(out.shape[0]):
-        first, last = cell_offsets[c], cell_offsets[c + 1]
-        best_sine = SINE_60 if last - first == 3 else 1.0
-        most, least, sine = -1.0, 1.0, 1.0
-        d = cell_vertices[last - 1]
-        for k in range(first, last):
-            a = cell_vertices[k]
-            b = cell_vertices[k + 1] if k + 1 < last else cell_vertices[first]
-            if movable[a] or movable[b] or movable[d]:
-                ux, uy = xy[b, 0] - xy[a, 0], xy[b, 1] - xy[a, 1]
-                wx, wy = xy[d, 0] - xy[a, 0], xy[d, 1] - xy[a, 1]
-                lengths = math.sqrt((ux * ux + uy * uy) * (wx * wx + wy * wy))
-                cosine = (ux * wx + uy * wy) / lengths
-                most, least = max(most, cosine), min(least, cosine)
-                sine = min(sine, (ux * wy - uy * wx) / (lengths * best_sine))
-            d = a
-        out[c, 0], out[c, 1], out[c, 2] = most, least, sine
 
 
 @parallel_kernel()

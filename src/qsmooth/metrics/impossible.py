@@ -42,7 +42,9 @@ class Impossible:
     def closed(self) -> BoolArray:
         """Corners for which nothing is to be had by untangling, (n_corners,)."""
         topology = self.topology
-        closed: BoolArray = self.doublets[topology.cell_vertices]
+        closed = np.zeros(topology.cell_vertices.size, np.bool_)
+        if self.doublets.any():
+            closed |= self.doublets[topology.cell_vertices]
         if self.by_fixed.any():
             closed |= np.repeat(self.by_fixed, topology.cell_sizes)
         return closed

@@ -32,7 +32,8 @@ class Figures:
     Attributes
     ----------
     free_jacobian
-        Smallest scaled Jacobian of the corners that can change, 0 where one is not positive.
+        Smallest scaled Jacobian of the corners that can change, 0 where one is not positive; cells
+        that nothing can be done for left out.
     shape
         Mean over the cells of one over the worst corner's energy towards its target.
     plain_shape
@@ -177,11 +178,14 @@ class Best:
 
     def good_enough(self) -> bool:
         """Whether the smallest scaled Jacobian is what the caller asked for."""
-        return self._enough is not None and self.figures.free_jacobian >= self._enough
+        if self._enough is None or self.lanes.caps.lost.any():
+            return False
+        return self.figures.free_jacobian >= self._enough
 
     def settle(self) -> None:
         """Go back to the coordinates given where nothing of them was to gain."""
-        if self.figures.gain(self.given) < LEAST_GAIN and self.given.n_invalid == 0:
+        fewer = self.figures.n_invalid < self.given.n_invalid
+        if self.figures.gain(self.given) < LEAST_GAIN and not fewer:
             self.xy, self.figures = self._given_xy, self.given
 
     @property
@@ -196,7 +200,7 @@ class Best:
         quality = self.lanes.quality(xy)
         shape = 1.0 / self.lanes.worst_shape(xy)
         return Figures(
-            free_jacobian=1.0 / float(self.lanes.energy(xy)[0].max()),
+            free_jacobian=1.0 / float(self.lanes.energy(xy)[0].max(initial=1.0)),
             shape=float(shape.mean()),
             least_shape=float(shape.min()),
             low_angle=float(np.percentile(quality.min_angle, LOW)),

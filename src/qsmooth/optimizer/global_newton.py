@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from qsmooth._types import BoolArray, FloatArray
+from qsmooth._types import FloatArray
 from qsmooth.kernels.stars import Stars
+from qsmooth.optimizer.caps import Caps
 from qsmooth.topology import Topology
 
 if TYPE_CHECKING:
@@ -43,8 +44,8 @@ class GlobalNewton:
         Of the mesh, and of the vertices that may move.
     corners, sizes
         Targets, as in `newton_sweep.cell_energy`.
-    forbidden
-        Marks the cells that no step may leave at these coordinates, (n_cells,); none are now.
+    caps
+        What is held. Vertices of cells that it calls lost stay where they are.
     """
 
     def __init__(
@@ -53,12 +54,15 @@ class GlobalNewton:
         stars: Stars,
         corners: FloatArray,
         sizes: FloatArray,
-        forbidden: Callable[[FloatArray], BoolArray],
+        caps: Caps,
     ) -> None:
         from qsmooth.kernels.shape_hessian import block_pattern
 
-        self.topology, self._targets, self._forbidden = topology, (corners, sizes), forbidden
+        self.topology, self._targets, self._forbidden = topology, (corners, sizes), caps.forbidden
         self.vertices = np.sort(stars.vertices.astype(np.int64))
+        if caps.lost.any():
+            lost = topology.cell_vertices[np.repeat(caps.lost, topology.cell_sizes)]
+            self.vertices = np.setdiff1d(self.vertices, lost)
         self.unknown = np.full(topology.n_vertices, -1, np.int64)
         self.unknown[self.vertices] = np.arange(self.vertices.size)
         self.offsets, self.columns = block_pattern(

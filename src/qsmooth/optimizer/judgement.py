@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from qsmooth.metrics import Quality
-from qsmooth.optimizer.lanes import HOLDABLE
+from qsmooth.optimizer.caps import HOLDABLE
 from qsmooth.outcome import Sizes, Target, Trade
 
 # A figure that got worse by over this fraction is told of.

@@ -3,29 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from qsmooth._types import BoolArray, FloatArray
+from qsmooth._types import BoolArray, FloatArray, IndexArray
 from qsmooth.engine import Engine
 from qsmooth.kernels.stars import Moves, Rings, Stars
-from qsmooth.metrics import Quality, Validity
+from qsmooth.metrics import Quality
+from qsmooth.optimizer.caps import Caps
 from qsmooth.optimizer.progress import Progress
-from qsmooth.targets import Targets, ideal
+from qsmooth.targets import Targets
 from qsmooth.topology import Topology
 
 if TYPE_CHECKING:
     from qsmooth.kernels.newton_sweep import Wall
 
-# What can be held besides the angles and the scaled Jacobian: its worst in the mesh.
-HOLDABLE = ("aspect_ratio", "shape", "min_edge")
-# What holds nothing, and how far beyond the worst a trial may be for rounding.
-FREE = (2.0, -2.0, -2.0, 1e300, 1e300, 0.0)
-SLACK = 1e-11
-# Of cosines: rounding, and what makes the angle worse by that fraction at the most.
-ROUNDING = 4e-16
 # The wall on a cell's shape is 1 high at this multiple of its shape energy, or at this energy.
 SLIMMER, LEAST_SLIM = 1.2, 1.5
 # No wall on shapes stands nearer than this energy.
@@ -39,6 +33,8 @@ RELAXATION = 1.7
 class Lanes:
     """Sweeps over the movable vertices, and measures that only what can move counts in.
 
+    All but untangling wants to know first what cells are meant to be (`aim_at`).
+
     Parameters
     ----------
     topology, stars
@@ -48,88 +44,75 @@ class Lanes:
     """
 
     def __init__(self, topology: Topology, stars: Stars, engine: Engine) -> None:
-        from qsmooth.kernels.blocks import build_blocks, row_corners
+        from qsmooth.kernels.blocks import build_blocks
 
         self.topology, self.stars, self._engine = topology, stars, engine
         self.movable = np.zeros(topology.n_vertices, np.bool_)
         self.movable[stars.vertices] = True
         self._blocks = build_blocks(stars)
-        self._n_colours = self._blocks.colour_blocks.size - 1
+        self.n_colours = self._blocks.colour_blocks.size - 1
         self._rings = Rings(*topology.rings)
         n_movable = self._blocks.vertices.size
         self._moves = Moves(np.zeros(n_movable), np.zeros(n_movable))
         self._shortest = np.empty(n_movable)
-        self.held = np.tile(FREE, (topology.n_vertices, 1))
-        self._held = self.held[:, :3].copy()
-        self._corners = row_corners(self._blocks, *topology.cells)
-        self.aim_at(ideal(topology))
         self._badness, self._shape = np.empty(topology.n_cells), np.empty(topology.n_cells)
 
     def quality(self, xy: FloatArray) -> Quality:
         """Measure the mesh at these coordinates."""
         return Quality(self.topology, xy)
 
-    def hold(self, xy: FloatArray, also: Collection[str] = ()) -> None:
-        """From now on let nothing get worse than the worst of it at these coordinates.
+    @cached_property
+    def caps(self) -> Caps:
+        """What is held; nothing at first."""
+        return Caps(self.topology, self.movable)
 
-        The smallest and largest angle and the smallest scaled Jacobian are held always, and those
-        of `HOLDABLE` that are listed. Where only the boundary connects regions of a mesh, each has
-        its own worst.
-        """
-        from qsmooth.kernels.cell_energy import corner_extremes
+    @cached_property
+    def _row_corners(self) -> IndexArray:
+        """Corner of the vertex in the cell of each row of the blocks."""
+        from qsmooth.kernels.blocks import row_corners
 
-        extremes = np.empty((self.topology.n_cells, 3))
-        corner_extremes(xy, *self.topology.cells, self.movable, extremes)
-        now = self.quality(xy)
-        self.held[:] = FREE
-        most, least = extremes[:, 0].max(), extremes[:, 1].min()
-        self.held[:, 0] = most + SLACK * (1.0 - most**2) + ROUNDING
-        self.held[:, 1] = least - SLACK * (1.0 - least**2) - ROUNDING
-        self.held[:, 2] = extremes[:, 2].min() * (1.0 - SLACK)
-        if "aspect_ratio" in also:
-            self.held[:, 3] = float(now.aspect_ratio.max()) ** 2 * (1.0 + SLACK)
-        if "shape" in also:
-            self.held[:, 4] = 1.0 / float(now.shape.min()) * (1.0 + SLACK)
-        if "min_edge" in also:
-            self.held[:, 5] = 0.5 * float(now["min_edge"].min()) ** 2 * (1.0 - SLACK)
-        # Sweeps look at angles and sines only where nothing else is held.
-        self._held = self.held if also else self.held[:, :3].copy()
-
-    def forbidden(self, xy: FloatArray) -> BoolArray:
-        """Mark the cells that are invalid at these coordinates, or worse than what is held."""
-        from qsmooth.kernels.cell_energy import corner_extremes
-
-        topology, now = self.topology, self.quality(xy)
-        extremes = np.empty((topology.n_cells, 3))
-        corner_extremes(xy, *topology.cells, self.movable, extremes)
-        first = topology.cell_offsets[:-1]
-        held = self.held[topology.cell_vertices[first]].T
-        # Sweeps compare squares: their rounding is no offence.
-        bad = extremes[:, 0] > held[0] + ROUNDING
-        bad |= (extremes[:, 1] < held[1] - ROUNDING) | (extremes[:, 2] < held[2] * (1 - ROUNDING))
-        if (held[3] < FREE[3]).any():
-            bad |= now.aspect_ratio**2 > held[3]
-        if (held[4] < FREE[4]).any():
-            bad |= now.shape * held[4] < 1.0
-        if (held[5] > FREE[5]).any():
-            bad |= 0.5 * now["min_edge"] ** 2 < held[5]
-        bad |= now.validity != Validity.VALID
-        movable = np.logical_or.reduceat(self.movable[topology.cell_vertices], first)
-        return np.asarray(bad & movable)
+        found: IndexArray = row_corners(self._blocks, *self.topology.cells)
+        return found
 
     def newton(self, xy: FloatArray, wall: Wall, progress: Progress) -> None:
         """Sweep a round downhill on the mean shape and the wall."""
         from qsmooth.kernels.newton_sweep import newton_sweep
 
-        lengths = self._moves.lengths
+        held, lengths = self.caps.swept, self._moves.lengths
         for _ in range(progress.next_round()):
             self._engine.run(
                 lambda colours: newton_sweep(
-                    xy, self._blocks, colours, RELAXATION, wall, self._held, self._rows, lengths
+                    xy, self._blocks, colours, RELAXATION, wall, held, self._rows, lengths
                 ),
-                self._n_colours,
+                self.n_colours,
             )
             progress.sweeps += 1
+
+    def try_colour(
+        self, xy: FloatArray, colour: int, wall: Wall, held: FloatArray
+    ) -> tuple[IndexArray, BoolArray]:
+        """Move the vertices of one colour once, downhill within what is held, (n_vertices, 6).
+
+        Returns
+        -------
+        vertices, moved
+            Those of this colour, and which of them moved.
+        """
+        from qsmooth.kernels.blocks import FIRST
+        from qsmooth.kernels.newton_sweep import newton_sweep
+
+        lengths = np.empty(self._blocks.vertices.size)
+        self._engine.run(
+            lambda _: newton_sweep(
+                xy, self._blocks, (colour, colour + 1), RELAXATION, wall, held, self._rows, lengths
+            ),
+            1,
+        )
+        first, last = (
+            int(self._blocks.table[b, FIRST]) if b < len(self._blocks.table) else lengths.size
+            for b in self._blocks.colour_blocks[colour : colour + 2]
+        )
+        return self._blocks.vertices[first:last].astype(np.int64), lengths[first:last] > 0.0
 
     def aim_at(self, targets: Targets) -> None:
         """Ask each cell for this shape and size from now on; takes walls on shape down."""
@@ -173,7 +156,7 @@ class Lanes:
         cells, targets = self._blocks.cells, self.targets
         self._rows = make_rows(
             self._blocks,
-            targets.corners[self._corners],
+            targets.corners[self._row_corners],
             targets.area[cells],
             size_weight[cells],
             slim[cells],
@@ -196,7 +179,7 @@ class Lanes:
             lambda colours: untangle_sweep(
                 xy, self._blocks, colours, RELAXATION, sizes, epsilon, lengths
             ),
-            self._n_colours,
+            self.n_colours,
         )
 
     def mend_more(self, xy: FloatArray, closed: BoolArray, progress: Progress) -> None:
@@ -232,9 +215,14 @@ class Lanes:
         progress.note(now, self._moves)
 
     def energy(self, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Largest badness and mean shape energy of each cell, overwritten by the next call."""
+        """Largest badness and mean shape energy of each cell, overwritten by the next call.
+
+        Cells that nothing can be done for (`Caps.lost`) have none.
+        """
         from qsmooth.kernels.cell_energy import cell_energy
 
         cells, corners = self.topology.cells, self.targets.corners
         cell_energy(xy, *cells, self.movable, corners, self.sizes, self._badness, self._shape)
+        if (lost := self.caps.lost).any():
+            self._badness[lost] = self._shape[lost] = 0.0
         return self._badness, self._shape

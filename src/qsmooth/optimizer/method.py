@@ -17,14 +17,16 @@ from qsmooth.methods.base import Method
 from qsmooth.methods.driver import invalid_cells, stored
 from qsmooth.metrics import Quality, limits, quality
 from qsmooth.optimizer.best import Best
+from qsmooth.optimizer.caps import HOLDABLE
 from qsmooth.optimizer.ground import Ground
 from qsmooth.optimizer.judgement import judged
-from qsmooth.optimizer.lanes import HOLDABLE, Lanes
+from qsmooth.optimizer.lanes import Lanes
+from qsmooth.optimizer.last_look import kept_from_better
 from qsmooth.optimizer.progress import ROUND, Progress
 from qsmooth.optimizer.stages import improve_mean, mend_worst
 from qsmooth.optimizer.untangling import untangle, with_proof
 from qsmooth.options import OptionError, one_of, opaque, option
-from qsmooth.outcome import Aim, Forbidden, Invalid, Outcome, Stop, Target
+from qsmooth.outcome import Aim, Forbidden, Held, Invalid, Outcome, Stop, Target
 from qsmooth.result import History, SmoothResult
 from qsmooth.targets import (
     Targets,
@@ -44,6 +46,8 @@ CLEARLY = 1.01
 ASKINGS, ASKED = 8, 1e-2
 # Where no more than this share of the cells is invalid the mesh still says what it is meant to be.
 FEW_INVALID = 0.01
+# The last look is at corners as bad as this fraction of the worst one.
+LAST_WALL = 0.95
 TARGETS = ("auto", "ideal", "initial")
 
 
@@ -110,6 +114,7 @@ class _Found:
     xy: FloatArray
     good_enough: bool = False
     forbidden: Forbidden | None = None
+    held: tuple[Held, ...] = ()
     start: FloatArray | None = None
     target: Target | None = None
     layers: float = 0.0
@@ -165,6 +170,7 @@ class _Staged(Method):
                 largest_share=progress.history[-1].largest_share if progress.history else 0.0,
                 trades=trades,
                 forbidden=found.forbidden,
+                held=found.held,
                 invalid=invalid,
                 target=found.target,
                 sizes=sizes,
@@ -276,8 +282,7 @@ class Optimize(_Staged):
                 meant = xy.copy()  # untangling may move far more than what is invalid
             with progress.stage(Aim.UNTANGLE):
                 untangle(ground, xy, progress)
-        if not lanes.quality(xy).n_invalid:
-            lanes.hold(xy, self.hold)
+        lanes.caps.hold(xy, self.hold)
         start = xy.copy()
         with progress.stage(Aim.MEAN_SHAPE):
             best, xy = self._improved(lanes, mesh, xy, meant, progress)
@@ -290,6 +295,7 @@ class Optimize(_Staged):
             best.xy,
             best.good_enough(),
             best.forbidden,
+            self._kept(lanes, start, best, progress),
             start=start,
             target=Target(
                 kind=targets.kind,
@@ -298,6 +304,19 @@ class Optimize(_Staged):
             ),
             layers=float(targets.is_layer.mean()),
         )
+
+    def _kept(
+        self, lanes: Lanes, start: FloatArray, best: Best, progress: Progress
+    ) -> tuple[Held, ...]:
+        """Say where what is held kept a run that was not cut short from something better."""
+        from qsmooth.kernels.newton_sweep import Wall
+
+        if progress.spent() or best.good_enough():
+            return ()
+        lanes.caps.hold(start, self.hold)
+        worst = lanes.energy(best.xy)[0].max(initial=1.0)
+        threshold = LAST_WALL * float(worst) if self.worst else np.inf
+        return kept_from_better(lanes, best.xy, Wall(1.0, threshold, 6))
 
     def _improved(
         self, lanes: Lanes, mesh: Mesh, start: FloatArray, meant: FloatArray, progress: Progress

@@ -9,7 +9,8 @@ import numpy as np
 from qsmooth._types import FloatArray
 from qsmooth.kernels.stars import Stars
 from qsmooth.optimizer.best import LEAST_GAIN, Best
-from qsmooth.optimizer.lanes import HOLDABLE, Lanes
+from qsmooth.optimizer.caps import HOLDABLE
+from qsmooth.optimizer.lanes import Lanes
 from qsmooth.optimizer.progress import Progress
 
 # An energy that fell by less than this fraction in a round has settled.
@@ -71,7 +72,7 @@ def improve_mean(
         # falls at the other's cost there is no more to gain here.
         best_shape, since = max(best_shape, shape), 0 if shape > best_shape else since + 1
         if energy >= before * (1.0 - settled) or since >= MEAN_ROUNDS:
-            if best.figures.n_invalid or energy < start * (1.0 - CREEPING):
+            if energy < start * (1.0 - CREEPING):
                 break
             # Sweeps gained nothing: vertices that are held by their neighbours can move together.
             _global_steps(lanes, xy, stars, best, progress)
@@ -81,7 +82,7 @@ def improve_mean(
             start = energy
         if rounds % MEAN_ROUNDS == 0:
             gained = 0
-            if best.figures.n_invalid == 0 and energy < before * (1.0 - CREEPING):
+            if energy < before * (1.0 - CREEPING):
                 gained = _global_steps(lanes, xy, stars, best, progress)
                 energy = _total(lanes.energy(xy)[1])
             if worst and not gained:
@@ -105,9 +106,9 @@ def mend_worst(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> 
     _push(lanes, xy, best, progress, WALLS[-LAST_WALLS:])
     if not best.pays_since(strict):
         best.back_to(strict)
-    if best.figures.n_invalid or best.good_enough() or lanes.targets.is_layer.any():
+    if best.good_enough() or lanes.targets.is_layer.any():
         return  # the angles of layers would go back to what their sizes ask for
-    lanes.hold(best.xy, HOLDABLE)
+    lanes.caps.hold(best.xy, HOLDABLE)
     xy[:] = best.xy
     _even_out(lanes, xy, best, progress)
     xy[:] = best.xy
@@ -172,9 +173,7 @@ def _global_steps(
     """Take Newton steps on all vertices at once while each pays; return their count."""
     from qsmooth.optimizer.global_newton import GlobalNewton
 
-    solver = GlobalNewton(
-        lanes.topology, stars, lanes.targets.corners, lanes.sizes, lanes.forbidden
-    )
+    solver = GlobalNewton(lanes.topology, stars, lanes.targets.corners, lanes.sizes, lanes.caps)
     trial, shape, count = xy.copy(), 0.0, 0
     while count < GLOBAL_STEPS and not progress.spent():
         gain = solver.step(trial)

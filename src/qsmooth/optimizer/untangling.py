@@ -45,9 +45,9 @@ def untangle(ground: Ground, xy: FloatArray, progress: Progress) -> None:
         Changed in place.
     """
     tangle = _Tangle(ground, xy, progress)
-    tangle.sweep_and_grow()
-    while tangle.stuck() and tangle.mend_more():
-        tangle.sweep_and_grow()
+    bad = tangle.sweep_and_grow()
+    while bad.size and not progress.spent() and tangle.mend_more(bad):
+        bad = tangle.sweep_and_grow()
     tangle.place_doublets()
 
 
@@ -81,10 +81,6 @@ class _Tangle:
         bad_cells(self.xy, *self.topology.cells, self.proof.closed, self.every_cell, marked)
         return np.flatnonzero(marked)
 
-    def stuck(self) -> bool:
-        """Whether there are such cells, and sweeps are left."""
-        return bool(self.bad().size) and not self.progress.spent()
-
     def near(self, cells: IndexArray, rings: int) -> BoolArray:
         """Mark the movable vertices within so many edges of the cells, (n_vertices,)."""
         from qsmooth.kernels.tangles import grow
@@ -97,28 +93,33 @@ class _Tangle:
         grow(marked, rings, *self.topology.rings)
         return marked & self.ground.movable
 
-    def sweep_and_grow(self) -> None:
+    def sweep_and_grow(self) -> IndexArray:
         """Mend or sweep near the invalid cells; where they stay, farther and farther around.
+
+        Gives those that are left.
 
         Mending moves the fewest vertices, and keeps stretched cells stretched: it comes first, for
         islands that it can clear.
         """
         rings, whole, mend = RINGS, False, True
-        while not whole and self.stuck():
-            near, movable = self.near(self.bad(), rings), self.ground.movable
+        bad = self.bad()
+        while not whole and bad.size and not self.progress.spent():
+            near, movable = self.near(bad, rings), self.ground.movable
             share = MOST_LOCAL if rings == RINGS else MOST_GROWN
             whole = int(near.sum()) > share * self.n_movable
             islands = Islands(self.task, movable if whole else near, PATIENCE if whole else WAIT)
             if mend and not whole:
                 islands.mend_more(*LOCAL_MENDING, wholly=True)
                 mend = False
-                continue
-            islands.sweep(None if whole else MOST_SWEEPS * rings)
-            rings *= 2
+            else:
+                islands.sweep(None if whole else MOST_SWEEPS * rings)
+                rings *= 2
+            bad = self.bad()
+        return bad
 
-    def mend_more(self) -> bool:
+    def mend_more(self, bad: IndexArray) -> bool:
         """Look for places that mend more cells where no sweep does; say whether there were."""
-        islands = Islands(self.task, self.near(self.bad(), RINGS), 0)
+        islands = Islands(self.task, self.near(bad, RINGS), 0)
         return islands.mend_more(*MENDING, wholly=False)
 
     def place_doublets(self) -> None:
