@@ -20,7 +20,9 @@ import numpy as np
 from qsmooth import Mesh, read_mesh
 from qsmooth._types import FloatArray
 from qsmooth.examples import boundary_layer, bump, distorted, lake, notch, random_triangles, spiral
-from qsmooth.targets import AREA_RINGS, LAYER_STRETCH, LAYER_WINDOW, Sheets, _over_rings, candidates
+from qsmooth.targets import Sheets, candidates
+from qsmooth.targets.sheets import LAYER_STRETCH, LAYER_WINDOW
+from qsmooth.targets.sizes import AREA_RINGS, over_rings
 
 MESHES = {
     "boundary_layer()": boundary_layer,
@@ -77,7 +79,7 @@ def line(mesh: Mesh, given: Mesh) -> str:
     triangles = mesh.topology.cell_sizes == 3
     if triangles.any():
         areas = log_areas(mesh)
-        smooth = _over_rings(mesh.topology, areas[:, None], AREA_RINGS)[:, 0]
+        smooth = over_rings(mesh.topology, areas[:, None], AREA_RINGS)[:, 0]
         noise = np.sqrt(np.mean((areas - smooth)[triangles] ** 2))
         text += f"  trend {smooth[triangles].std():.2f} noise {noise:.2f}"
     return text

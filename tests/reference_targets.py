@@ -1,0 +1,58 @@
+"""Targets by their definition, and meshes that ask for some."""
+
+import numpy as np
+import pytest
+
+import meshes
+from qsmooth import Mesh
+from qsmooth.targets import learned
+
+GROWTH = 1.3
+
+
+def auto(mesh):
+    return learned(mesh.topology, mesh.xy)
+
+
+def energies(mesh, targets):
+    """Energy f at each corner, and τ, by the definition."""
+    top = mesh.topology
+    f, tau = np.empty(top.cell_vertices.size), np.empty(top.cell_vertices.size)
+    for c in range(top.n_cells):
+        first, n = top.cell_offsets[c], top.cell_sizes[c]
+        root = np.eye(2)
+        if targets.maps is not None:
+            xx, xy, yy = targets.maps[c]
+            root = np.array([[xx, xy], [xy, yy]])
+            assert np.linalg.det(root) == pytest.approx(1.0)
+        p = mesh.xy[top.cell_vertices[first : first + n]]
+        for i in range(n):
+            u, w = root @ (p[(i + 1) % n] - p[i]), root @ (p[i - 1] - p[i])
+            m11, m12, m22 = targets.corners[first + i]
+            det = u[0] * w[1] - u[1] * w[0]
+            f[first + i] = (m11 * u @ u + 2 * m12 * u @ w + m22 * w @ w) / (2 * det)
+            tau[first + i] = det / targets.area[c]
+    return f, tau
+
+
+def unit(targets):
+    m11, m12, m22 = targets.corners.T
+    return m11 * m22 - m12**2
+
+
+def layer(nx=12, ny=10, first=1e-3, kind="quad"):
+    """A graded rectangle: layers of heights that grow by `GROWTH`, of length 1."""
+    y, x = np.meshgrid(np.arange(ny + 1.0), np.arange(nx + 1.0), indexing="ij")
+    points = np.stack([x.ravel(), first * (GROWTH ** y.ravel() - 1) / (GROWTH - 1)], axis=1)
+    _, (quads,) = meshes.grid(nx, ny)
+    cells = meshes.split(quads, np.ones(len(quads), bool)) if kind == "triangle" else quads
+    return Mesh(points, cells)
+
+
+def shaken(mesh, amount, seed=3):
+    """Every free vertex moved by up to so much of its shortest edge; see `peers/sizes.py`."""
+    offsets, ring = mesh.topology.rings
+    ends = mesh.xy[ring] - np.repeat(mesh.xy, np.diff(offsets), axis=0)
+    shortest = np.minimum.reduceat(np.hypot(*ends.T), offsets[:-1])
+    moves = np.random.default_rng(seed).uniform(-amount, amount, mesh.xy.shape)
+    return mesh.with_xy(mesh.xy + moves * shortest[:, None], ~mesh.is_fixed)
