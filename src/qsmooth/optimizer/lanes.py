@@ -124,6 +124,21 @@ class Lanes:
             )
             progress.sweeps += 1
 
+    def kept_back(self, xy: FloatArray) -> float:
+        """Fraction of the energy that a sweep would gain if nothing but validity were held."""
+        from qsmooth.kernels.newton_sweep import Wall, newton_sweep
+
+        trial, held = xy.copy(), np.tile(FREE, (self.topology.n_vertices, 1))
+        lengths, wall = np.empty_like(self._moves.lengths), Wall(1.0, np.inf, 1)
+        self._engine.run(
+            lambda colours: newton_sweep(
+                trial, self._blocks, colours, RELAXATION, wall, held, self._rows, lengths
+            ),
+            self._n_colours,
+        )
+        before = float(self.energy(xy)[1].sum())
+        return 1.0 - float(self.energy(trial)[1].sum()) / before
+
     def aim_at(self, targets: Targets) -> None:
         """Ask each cell for this shape and size from now on; takes walls on shape down."""
         from qsmooth.kernels.blocks import Rows
