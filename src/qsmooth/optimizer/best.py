@@ -112,14 +112,18 @@ class Best:
         # The best worst corner that was seen at a cost beyond the allowed loss of the mean.
         self._too_dear = 0.0
 
-    def offer(self, xy: FloatArray) -> Figures:
-        """Measure coordinates, and keep them if they are the best."""
+    def offer(self, xy: FloatArray, *, by_mean: bool = False) -> Figures:
+        """Measure coordinates, and keep them if they are the best.
+
+        The better worst corner is, even at a loss of the mean; or, by the mean, the better mean.
+        """
         now = self.measure(xy)
         self.lanes.report(xy, self.lanes.quality(xy), self.progress)
         self.best_shape = max(self.best_shape, now.shape)
         affordable = self.affords(now)
         # What was the best may have become too dear meanwhile.
-        better = not self.affords(self.figures) or now.better(self.figures)
+        better = now.shape > self.figures.shape if by_mean else now.better(self.figures)
+        better |= not self.affords(self.figures)
         fewer = now.n_invalid < self.figures.n_invalid
         # Cells that nothing can mend keep no others from getting better.
         no_more = now.n_invalid <= self.figures.n_invalid

@@ -12,7 +12,7 @@ from qsmooth._types import BoolArray, FloatArray, IndexArray
 from qsmooth.engine import Engine
 from qsmooth.kernels.stars import Moves, Rings, Stars
 from qsmooth.metrics import Quality
-from qsmooth.optimizer.caps import Caps
+from qsmooth.optimizer.caps import ALWAYS, FREE, Caps
 from qsmooth.optimizer.progress import Progress
 from qsmooth.targets import Targets
 from qsmooth.topology import Topology
@@ -113,6 +113,21 @@ class Lanes:
             for b in self._blocks.colour_blocks[colour : colour + 2]
         )
         return self._blocks.vertices[first:last].astype(np.int64), lengths[first:last] > 0.0
+
+    def kept_back(self, xy: FloatArray) -> float:
+        """Fraction of the energy that a sweep would gain if nothing but validity were held."""
+        from qsmooth.kernels.newton_sweep import Wall, newton_sweep
+
+        trial, held = xy.copy(), np.tile(FREE[:ALWAYS], (self.topology.n_vertices, 1))
+        lengths, wall = np.empty_like(self._moves.lengths), Wall(1.0, np.inf, 1)
+        self._engine.run(
+            lambda colours: newton_sweep(
+                trial, self._blocks, colours, RELAXATION, wall, held, self._rows, lengths
+            ),
+            self.n_colours,
+        )
+        before = float(self.energy(xy)[1].sum())
+        return 1.0 - float(self.energy(trial)[1].sum()) / before
 
     def aim_at(self, targets: Targets) -> None:
         """Ask each cell for this shape and size from now on; takes walls on shape down."""

@@ -21,8 +21,12 @@ MEAN_GAIN = 1e-4
 # Sweeps that still gain this much a round after those rounds creep: a whole region has to move.
 # Then at most so many Newton steps on the whole mesh, while each gains more than this.
 CREEPING = 2e-3
-GLOBAL_STEPS = 8
+GLOBAL_STEPS = 24
 GLOBAL_GAIN = 2e-2
+# Steps in a row that may cost the mean of the shapes.
+STEP_PATIENCE = 3
+# The same where a sweep would gain this fraction of the energy if nothing were held.
+KEPT_BACK = 2e-2
 # The walls put up one after the other: power 2 ** squarings, and where each stands as a fraction of
 # the worst corner's badness. At the last it stands so near the worst corner that all others can go
 # back to where the mean shape is best.
@@ -67,26 +71,26 @@ def improve_mean(
         lanes.newton(xy, no_wall, progress)
         rounds += 1
         before, energy = energy, _total(lanes.energy(xy)[1])
-        shape = best.offer(xy).shape
+        shape = best.offer(xy, by_mean=not worst).shape
         # The energy counts bad cells for more than the mean of the shapes does: where the one
         # falls at the other's cost there is no more to gain here.
         best_shape, since = max(best_shape, shape), 0 if shape > best_shape else since + 1
+        due = rounds % MEAN_ROUNDS == 0
         if energy >= before * (1.0 - settled) or since >= MEAN_ROUNDS:
-            if energy < start * (1.0 - CREEPING):
-                break
-            # Sweeps gained nothing: vertices that are held by their neighbours can move together.
-            _global_steps(lanes, xy, stars, best, progress)
+            due, over = True, True
+        else:
+            over = worst and due
+        if not due:
+            continue
+        creeping = energy < before * (1.0 - CREEPING) or energy >= start * (1.0 - CREEPING)
+        if creeping or lanes.kept_back(xy) > KEPT_BACK:
+            _global_steps(lanes, xy, stars, best, progress, by_mean=not worst)
             before, energy = energy, _total(lanes.energy(xy)[1])
-            if energy >= before * (1.0 - CREEPING):
-                break
-            start = energy
-        if rounds % MEAN_ROUNDS == 0:
-            gained = 0
             if energy < before * (1.0 - CREEPING):
-                gained = _global_steps(lanes, xy, stars, best, progress)
-                energy = _total(lanes.energy(xy)[1])
-            if worst and not gained:
-                break
+                start, since = energy, 0
+                continue
+        if over:
+            break
 
 
 def mend_worst(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> None:
@@ -168,22 +172,24 @@ def _relax(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> None
 
 
 def _global_steps(
-    lanes: Lanes, xy: FloatArray, stars: Stars, best: Best, progress: Progress
+    lanes: Lanes, xy: FloatArray, stars: Stars, best: Best, progress: Progress, *, by_mean: bool
 ) -> int:
     """Take Newton steps on all vertices at once while each pays; return their count."""
     from qsmooth.optimizer.global_newton import GlobalNewton
 
     solver = GlobalNewton(lanes.topology, stars, lanes.targets.corners, lanes.sizes, lanes.caps)
-    trial, shape, count = xy.copy(), 0.0, 0
-    while count < GLOBAL_STEPS and not progress.spent():
+    trial, shape, count, patience = xy.copy(), best.best_shape - LEAST_GAIN, 0, STEP_PATIENCE
+    while count < GLOBAL_STEPS and patience and not progress.spent():
         gain = solver.step(trial)
-        # The sum of f counts bad cells for more than the mean of the shapes 1 / f does: a step that
-        # serves the first at the second's cost does not pay.
-        now = best.offer(trial) if gain else best.figures
-        if gain == 0.0 or now.shape < max(shape, best.best_shape - LEAST_GAIN):
+        if gain == 0.0:
             break
-        xy[:], shape = trial, now.shape
+        # The sum of f counts bad cells for more than the mean of the shapes 1 / f does: steps that
+        # serve the first at the second's cost do not pay.
+        now = best.offer(trial, by_mean=by_mean)
         count += 1
+        patience -= 1
+        if now.shape >= shape:
+            xy[:], shape, patience = trial, now.shape, STEP_PATIENCE
         if gain < GLOBAL_GAIN:
             break
     progress.steps += count
