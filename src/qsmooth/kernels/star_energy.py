@@ -45,6 +45,7 @@ from qsmooth.kernels.lanes import (
     ROW5,
     X,
     Y,
+    add_energy,
 )
 
 # What the sine of a triangle's corner is at best: it counts as 1.

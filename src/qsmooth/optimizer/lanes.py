@@ -18,6 +18,7 @@ from qsmooth.targets import Targets
 from qsmooth.topology import Topology
 
 if TYPE_CHECKING:
+    from qsmooth.kernels.blocks import Rows
     from qsmooth.kernels.newton_sweep import Wall
 
 # The wall on a cell's shape is 1 high at this multiple of its shape energy, or at this energy.
@@ -169,7 +170,7 @@ class Lanes:
         from qsmooth.kernels.blocks import make_rows
 
         cells, targets = self._blocks.cells, self.targets
-        self._rows = make_rows(
+        self._rows: Rows = make_rows(
             self._blocks,
             targets.corners[self._row_corners],
             targets.area[cells],
