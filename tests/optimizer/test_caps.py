@@ -77,7 +77,7 @@ def test_a_good_region_gets_no_worse_for_the_sake_of_its_mean_beside_a_bad_one()
     bad = random_triangles(200, seed=1)
     n, m = good.n_vertices, good.n_cells
     mesh = Mesh(
-        np.concatenate([good.points, bad.points + (2.0, 0.0)]),
+        np.concatenate([good.points, bad.points + np.array([2.0, 0.0])]),
         [np.concatenate([good.cells[0], bad.cells[0] + n])],
     )
     before = quality(mesh)
