@@ -119,6 +119,24 @@ def test_cells_worse_than_what_is_held_are_forbidden():
     assert lanes.caps.forbidden(trial).any()
 
 
+def test_vertices_of_cells_that_nothing_can_mend_stay_and_keep_no_other():
+    mesh = warped()
+    points = mesh.points.copy()
+    points[3] = points[4]
+    mesh = mesh.with_points(points)
+    lanes = lanes_of(mesh)
+    assert lanes.caps.lost.sum() == 1
+    steps = solver(mesh)
+    xy = mesh.xy.copy()
+    assert steps.step(xy) > 0.0
+    moved = (xy != mesh.xy).any(axis=1)
+    (lost,) = np.flatnonzero(lanes.caps.lost)
+    assert not moved[mesh.cell_vertices[slice(*mesh.cell_offsets[lost : lost + 2])]].any()
+    assert moved.sum() > 0.8 * lanes.movable.sum()
+    assert not lanes.caps.forbidden(xy).any()
+    assert quality(mesh.with_points(xy)).n_invalid == 1
+
+
 def test_few_steps_do_what_sweeps_take_hundreds_for():
     mesh = warped(40)
     xy = mesh.xy.copy()
