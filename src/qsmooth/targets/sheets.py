@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
-from qsmooth._types import FloatArray
+from qsmooth._types import BoolArray, FloatArray, IndexArray
 from qsmooth.targets.algebra import step
 from qsmooth.topology import Topology
 
@@ -31,16 +32,28 @@ LAYER_WINDOW, SCATTER_WINDOW = 4, 6
 
 # Scatter in log lengths at which half of what the fits leave is taken for noise. Shaken layers
 # have .05 to .4; layers as they are less than .014.
-NOISE = 0.05
+NOISE = 0.03
 # Scatter is what a parabola over 2 · 3 + 1 links leaves, averaged in logarithms over 2 · 8 + 1: a
 # kink, as at a leading edge, is large in a few links, noise in all.
 NOISE_WINDOWS = 3, 8
 # Mean square, and weight, that count as none.
 LEAST_SQUARE, LEAST_WEIGHT = 1e-8, 1e-3
-# Windows and degrees of the fits that take noise away: across the sheets, as the layers share
-# their vertices' noise with opposite signs; along; and what is left, across and along again.
-# The best of 27 for the heights of the first layers of five shaken meshes.
+# Windows and degrees of the fits that take noise away from lengths: across the sheets; along; and
+# what is left, across and along again.
 NOISE_FITS = (5, 2), (8, 1), (3, 0), (2, 0)
+# Heights vary along a sheet as in the other layers, and across as in other stacks. From the mean
+# over this window along the sheet, they are matched to the places of the layers in this window
+# across; then along, and what is left, across and along, as above. Twice. Chosen among 60 ways, for
+# the first layers of five meshes, shaken three times each: off by .05 in the logarithm on airfoils
+# and .03 elsewhere, where the fits of lengths are off by .07 and .05.
+HEIGHT_MEAN, HEIGHT_MATCH, HEIGHT_PASSES = 64, 8, 2
+HEIGHT_FITS = (8, 1), (3, 0), (2, 0)
+# What varies in other ways counts where it is surely no noise: means over windows along and across
+# that are so many times as large as the noise in them.
+WINDOWS, SURE = ((32, 2), (16, 2), (8, 2), (4, 2)), (3.0, 5.0)
+# Noise over the root of what a parabola leaves of it, as links share their vertices with those
+# beside them; and noise of matched heights over that of heights.
+PARABOLA, MATCHED = 1.3, 0.4
 
 # Learned ratios of quads: squares up to the first, the average ratio from the second.
 LEARNED_RATIO = math.log(2.0), math.log(4.0)
@@ -82,6 +95,7 @@ class Sheets:
         links = np.where(joined, 2 * quad_of[twin] + (side_of[twin] + 1) % 2, -1)
         self.neighbours = links[:, [1, 3, 0, 2]].reshape(-1, 2)
         self._order = order_sheets(self.neighbours)
+        self._walls = self._ends(links, twin < 0)
 
         p = xy[topology.cell_vertices[self.sides]]
         edges = np.roll(p, -1, axis=1) - p
@@ -96,6 +110,15 @@ class Sheets:
         self.along = self.length.ravel()
         self.across = self.length[:, ::-1].ravel()
         self.height = self.across + np.repeat(np.log(self.sine), 2)
+
+    def _ends(self, links: IndexArray, is_wall: BoolArray) -> BoolArray:
+        """Whether the first and last side that each sheet crosses are on the boundary."""
+        # A link is crossed through sides 1 and 3, or 0 and 2, as in `neighbours`.
+        is_end = np.logical_and(is_wall, np.less(links, 0))
+        ends = np.stack([is_end[:, 1] | is_end[:, 3], is_end[:, 0] | is_end[:, 2]], axis=1).ravel()
+        offsets, order, closed = self._order
+        at_ends = np.stack([ends[order[offsets[:-1]]], ends[order[offsets[1:] - 1]]], axis=1)
+        return np.asarray(at_ends & ~closed[:, None])
 
     def _find_quads(self, topology: Topology, xy: FloatArray) -> None:
         from qsmooth.kernels.sheets import pair_triangles
@@ -185,32 +208,83 @@ class Sheets:
         The length of a stretched quad and its area are kept, hence its height. Where it is as long
         as high neither length is kept before the other.
         """
-        height = self._without_noise(self.height, logarithm_of_mean=True).reshape(-1, 2)
-        length = self._without_noise(self.across).reshape(-1, 2)[:, ::-1]
+        height = self._without_noise(self.height, self._smooth_heights).reshape(-1, 2)
+        length = self._without_noise(self.across, self._smooth_lengths).reshape(-1, 2)[:, ::-1]
         ratio = (self.length[:, 0] - self.length[:, 1]) / math.log(4.0)
         share = 0.5 + 0.5 * np.clip(ratio, -1.0, 1.0)
         p = share * length[:, 0] + (1.0 - share) * height[:, 1]
         q = share * height[:, 0] + (1.0 - share) * length[:, 1]
         return p - q, p + q
 
-    def _without_noise(self, values: FloatArray, logarithm_of_mean: bool = False) -> FloatArray:
+    def _without_noise(
+        self, values: FloatArray, smoothed: Callable[[FloatArray], FloatArray]
+    ) -> FloatArray:
         """Take away what scatters along the sheets, and leave what varies smoothly."""
-        _, square = self.fit(values, NOISE_WINDOWS[0], 2)
-        square = np.exp(self.fit(np.log(square + LEAST_SQUARE), NOISE_WINDOWS[1], 0)[0])
+        square = self._scatter(values)
         weight = square**2 / (square**2 + NOISE**4)
         if (weight < LEAST_WEIGHT).all():
             return values
+        return values + weight * (smoothed(values) - values)
+
+    def _scatter(self, values: FloatArray) -> FloatArray:
+        """Mean square of what parabolas leave of the values along the sheets."""
+        _, square = self.fit(values, NOISE_WINDOWS[0], 2)
+        return np.asarray(np.exp(self.fit(np.log(square + LEAST_SQUARE), NOISE_WINDOWS[1], 0)[0]))
+
+    def _fit_across(self, values: FloatArray, width: int, degree: int) -> FloatArray:
+        """Fit values of links on the sheets that cross theirs."""
+        return self._other(self.fit(self._other(values), width, degree)[0])
+
+    def _smooth_lengths(self, values: FloatArray) -> FloatArray:
+        """Fit log lengths across the sheets and along them."""
         first, second, third, fourth = NOISE_FITS
-        across = self._other(self.fit(self._other(values), *first)[0])
+        across = self._fit_across(values, *first)
         along, _ = self.fit(across, *second)
-        left = self._other(self.fit(self._other(across - along), *third)[0])
-        smooth = along + self.fit(left, *fourth)[0]
-        if logarithm_of_mean:  # E log(1 + z) = −½ E z²: to the second order
-            smooth += 0.5 * square
-        return values + weight * (smooth - values)
+        left = self._fit_across(across - along, *third)
+        return np.asarray(along + self.fit(left, *fourth)[0])
+
+    def _smooth_heights(self, values: FloatArray) -> FloatArray:
+        """Fit log heights so that the layers lie where they do."""
+        noise = PARABOLA * np.sqrt(self._scatter(values))
+        # E log(1 + z) = −½ E z², to the second order.
+        unbiased = values + 0.5 * noise**2
+        first, second, third = HEIGHT_FITS
+        smooth, _ = self.fit(values, HEIGHT_MEAN, 0)
+        for _ in range(HEIGHT_PASSES):
+            matched = smooth + self._matched(values, smooth)
+            smooth, _ = self.fit(matched, *first)
+            left = self._fit_across(matched - smooth, *second)
+            shared, _ = self.fit(left, *third)
+            smooth += shared + _where_sure(left - shared, MATCHED * noise)
+            for along, across in WINDOWS:
+                left, _ = self.fit(self._fit_across(unbiased - smooth, across, 0), along, 0)
+                share = 2.0 / (_independent(along) + 1.0) / _independent(across)
+                smooth += _where_sure(left, math.sqrt(share) * noise)
+        return smooth
+
+    def _matched(self, heights: FloatArray, reference: FloatArray) -> FloatArray:
+        """Log scale that takes reference heights to places of the layers; all logarithms."""
+        from qsmooth.kernels.stacks import match_heights
+
+        out = np.empty(heights.size)
+        given = np.exp(self._other(heights)), np.exp(self._other(reference))
+        match_heights(*self._order, self._walls, *given, HEIGHT_MATCH, out)
+        return self._other(out)
 
     def learned_ratios(self) -> FloatArray:
         """Log ratio of sides 0 and 2 over 1 and 3, averaged along the sheets, 0 if small: (n,)."""
         mean = self.fit(self.across, LEARNED_WINDOW, 0)[0].reshape(-1, 2)
         log = mean[:, 1] - mean[:, 0]
         return np.asarray(log * step(np.abs(log), LEARNED_RATIO))
+
+
+def _independent(width: int) -> float:
+    """How many values the weights of a fit of degree 0 are as good as."""
+    t = np.arange(-width, width + 1) / (width + 1.0)
+    weights = (1.0 - t * t) ** 2
+    return float(weights.sum() ** 2 / (weights**2).sum())
+
+
+def _where_sure(values: FloatArray, noise: FloatArray) -> FloatArray:
+    """Values that are far beyond their noise; less of those that are not."""
+    return values * step(np.abs(values) / np.maximum(noise, LEAST_WEIGHT), SURE)

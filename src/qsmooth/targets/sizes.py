@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from qsmooth._types import FloatArray
+from qsmooth._types import BoolArray, FloatArray
 from qsmooth.targets.algebra import step
 from qsmooth.targets.base import Targets, blocks
 from qsmooth.topology import Topology
@@ -20,6 +20,8 @@ AREA_TREND = 2.0, 4.0
 AREA_NOISE = 0.05
 # Added to the noise, so that a mesh of equal cells has no trend.
 LEAST_NOISE = 0.01
+# So small a share of an average counts as none.
+LEAST_SHARE = 1e-12
 
 
 def with_sizes(targets: Targets, topology: Topology, xy: FloatArray, weight: float) -> Targets:
@@ -36,7 +38,8 @@ def with_sizes(targets: Targets, topology: Topology, xy: FloatArray, weight: flo
     area = targets.area
     if not sized.all():
         unit = unit_of(xy)
-        own = without_area_noise(topology, log_areas(topology, xy / unit))[0]
+        own = log_areas(topology, xy / unit)
+        own, _, _ = without_area_noise(topology, own, np.ones(own.size, np.bool_))
         area = np.where(sized, area, np.exp(own) * unit**2)
     heavier = np.where(targets.is_layer, np.maximum(targets.size_weight, weight), weight)
     return targets._replace(area=area, size_weight=heavier)
@@ -71,7 +74,8 @@ def log_areas(topology: Topology, xy: FloatArray) -> FloatArray:
 def grading(topology: Topology, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Weight of the areas as part of a smooth grading, and their logs without noise: (n_cells,).
 
-    The areas are those of a corner: twice a triangle's. Quads count as neighbours only.
+    The areas are those of a corner: twice a triangle's. Only triangles count: beside the end of a
+    layer they may be a thousand times as small as its quads, and not by chance.
     """
     n = topology.n_cells
     area = np.empty(n)
@@ -80,18 +84,28 @@ def grading(topology: Topology, xy: FloatArray) -> tuple[FloatArray, FloatArray]
         d, e = p[:, 2] - p[:, 0], p[:, -1] - p[:, 1]
         area[cells] = np.abs(d[:, 0] * e[:, 1] - d[:, 1] * e[:, 0])
     logs = np.log(np.maximum(area, 1e-60 * area.max()))
-    cleaned, smooth, noise = without_area_noise(topology, logs)
-    trend = float(smooth[topology.cell_sizes == 3].std())
+    counts = topology.cell_sizes == 3
+    cleaned, smooth, noise = without_area_noise(topology, logs, counts)
+    trend = float(smooth[counts].std())
     return step(trend / (noise + LEAST_NOISE), AREA_TREND), cleaned
 
 
 def without_area_noise(
-    topology: Topology, logs: FloatArray
+    topology: Topology, logs: FloatArray, counts: BoolArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Log areas without noise; what is smooth in them, less their mean; and the noise."""
-    centred = logs - logs.mean()
-    smooth = over_rings(topology, centred[:, None], AREA_RINGS)[:, 0]
-    noise = np.sqrt(over_rings(topology, ((centred - smooth) ** 2)[:, None], NOISE_RINGS)[:, 0])
+    """Log areas without noise; what is smooth in them, less their mean; and the noise.
+
+    Only cells that count are averaged; what is given of the others means nothing.
+    """
+
+    def average(values: FloatArray, rings: int) -> FloatArray:
+        both = np.stack([np.where(counts, values, 0.0), counts], axis=1)
+        sums = over_rings(topology, both, rings)
+        return np.asarray(sums[:, 0] / np.maximum(sums[:, 1], LEAST_SHARE))
+
+    centred = logs - logs[counts].mean()
+    smooth = average(centred, AREA_RINGS)
+    noise = np.sqrt(average((centred - smooth) ** 2, NOISE_RINGS))
     share = noise**4 / (noise**4 + AREA_NOISE**4)
     return logs + share * (smooth - centred), smooth, noise
 
