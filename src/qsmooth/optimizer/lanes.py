@@ -47,6 +47,8 @@ class Lanes:
         Who runs the sweeps.
     """
 
+    _rows: Rows
+
     def __init__(self, topology: Topology, stars: Stars, engine: Engine) -> None:
         from qsmooth.kernels.blocks import build_blocks
 
@@ -141,10 +143,6 @@ class Lanes:
         self.sizes = np.stack([inv_area, targets.size_weight], axis=1)
         self._ask(targets.size_weight, np.zeros(counts.size))
 
-        weight = np.where(self._of_border(), BORDER_WEIGHT, LAYER_WEIGHT)
-        weight = np.where(self.targets.is_layer, weight, 1.0) * self.targets.size_weight
-        self._ask(weight, slim)
-
     def wall_off(self, xy: FloatArray, *, looser: float = 1.0, most: float = math.inf) -> None:
         """Put a wall on each cell's shape.
 
@@ -175,10 +173,11 @@ class Lanes:
         self._rows = self._rows._replace(near=(1.0 / worst)[self._blocks.cells])
 
     def _ask(self, size_weight: FloatArray, slim: FloatArray) -> None:
+        """Put together what is asked of the cells around each vertex."""
         from qsmooth.kernels.blocks import make_rows
 
         cells, targets = self._blocks.cells, self.targets
-        self._rows: Rows = make_rows(
+        self._rows = make_rows(
             self._blocks,
             targets.corners[self._row_corners],
             targets.area[cells],
