@@ -31,8 +31,9 @@ KEPT_BACK = 2e-2
 # the worst corner's badness. At the last it stands so near the worst corner that all others can go
 # back to where the mean shape is best.
 WALLS = ((2, 0.7), (3, 0.8), (4, 0.85), (5, 0.9), (6, 0.9), (6, 0.95))
-# Rounds without a better result after which the next wall is put up.
-WALL_PATIENCE = 1
+# Rounds without a better result after which the next wall is put up; more where there are layers,
+# whose angles get better by and by.
+WALL_PATIENCE, LAYER_PATIENCE = 1, 2
 # The last walls are put up once more with walls on the shapes that stand this much farther back.
 LAST_WALLS, LOOSER = 3, 2.0
 # Then these walls stand by the worst cell of so many rings, for so many rounds each; they may cost
@@ -126,15 +127,17 @@ def _push(
     from qsmooth.kernels.newton_sweep import Wall
 
     weight = 1.0
+    most = LAYER_PATIENCE if lanes.targets.is_layer.any() else WALL_PATIENCE
     for squarings, share in walls:
-        patience, updates = WALL_PATIENCE, best.updates
+        patient = LAST_PATIENCE if squarings == WALLS[-1][0] else WALL_PATIENCE
+        patience, updates = patient, best.updates
         while patience and not progress.spent() and not best.good_enough():
             worst = _largest(lanes.energy(xy)[0])
             lanes.newton(xy, Wall(weight, share * worst, squarings), progress)
             now = best.offer(xy)
             # Mean and sizes count for more where the wall has cost them more than is allowed.
             weight = max(1.0, 0.5 * weight) if best.affords(now) else 2.0 * weight
-            patience = WALL_PATIENCE if best.updates > updates else patience - 1
+            patience = patient if best.updates > updates else patience - 1
             updates = best.updates
 
 
