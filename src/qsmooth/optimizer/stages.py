@@ -129,15 +129,14 @@ def _push(
     weight = 1.0
     most = LAYER_PATIENCE if lanes.targets.is_layer.any() else WALL_PATIENCE
     for squarings, share in walls:
-        patient = LAST_PATIENCE if squarings == WALLS[-1][0] else WALL_PATIENCE
-        patience, updates = patient, best.updates
+        patience, updates = most, best.updates
         while patience and not progress.spent() and not best.good_enough():
             worst = _largest(lanes.energy(xy)[0])
             lanes.newton(xy, Wall(weight, share * worst, squarings), progress)
             now = best.offer(xy)
             # Mean and sizes count for more where the wall has cost them more than is allowed.
             weight = max(1.0, 0.5 * weight) if best.affords(now) else 2.0 * weight
-            patience = patient if best.updates > updates else patience - 1
+            patience = most if best.updates > updates else patience - 1
             updates = best.updates
 
 
