@@ -112,8 +112,10 @@ def run_loops(made, energy, module, prefix, which):
             loop(*at, shapes, k, slim, k, terms(energy))
         else:
             getattr(module, f"{prefix}_{kind}")(*at, shapes, k, terms(energy))
-        if sizes[2].any():
-            getattr(module, f"{prefix}_{kind}_size")(*at, sizes, k, terms(energy))
+        pairs = newton_sweep.SEEN if k < n_quads else [(lanes.ROW0, lanes.ROW2)]
+        for a, c in pairs if sizes[2].any() else []:
+            loop = getattr(module, f"{prefix}_size")
+            loop(star, s, row + a, row + c, which, sizes, k, terms(energy).mean_weight)
 
 
 def derivatives(mesh, v, energy, asked=None):
