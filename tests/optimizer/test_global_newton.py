@@ -17,7 +17,7 @@ from qsmooth.targets import ideal
 
 def asked(mesh):
     """Ideal targets, of any size."""
-    return ideal(mesh.topology).corners, np.zeros((mesh.n_cells, 2))
+    return ideal(mesh.topology).corners, np.zeros((mesh.n_cells, 2)), np.empty((0, 3))
 
 
 def lanes_of(mesh):
@@ -29,7 +29,7 @@ def lanes_of(mesh):
 def solver(mesh):
     lanes = lanes_of(mesh)
     return GlobalNewton(
-        mesh.topology, lanes.stars, lanes.targets.corners, lanes.sizes, lanes.forbidden
+        mesh.topology, lanes.stars, lanes.targets.corners, lanes.sizes, lanes.maps, lanes.forbidden
     )
 
 
@@ -107,7 +107,7 @@ def test_a_step_leaves_nothing_beyond_what_is_held(hold):
     assert not lanes.forbidden(mesh.xy).any()
     xy = mesh.xy.copy()
     steps = GlobalNewton(
-        mesh.topology, lanes.stars, lanes.targets.corners, lanes.sizes, lanes.forbidden
+        mesh.topology, lanes.stars, lanes.targets.corners, lanes.sizes, lanes.maps, lanes.forbidden
     )
     assert steps.step(xy) > 0.0
     assert not lanes.forbidden(xy).any()

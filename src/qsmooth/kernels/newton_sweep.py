@@ -92,7 +92,7 @@ class Wall(NamedTuple):
 
 
 @helper()
-def _gather_held(vertices: TableArray, first: int, n: int, held: FloatArray, s: FloatArray) -> None:
+def gather_held(vertices: TableArray, first: int, n: int, held: FloatArray, s: FloatArray) -> None:
     """Look up what is held around each vertex: cosines and sine squared, with their signs."""
     for i in range(n):
         v = vertices[first + i]
@@ -133,7 +133,7 @@ def _move_block(
 ) -> None:
     gather_block(xy, vertices, stars, block, star_xy, s, lengths)
     n, quads, triangles, row = block.size, block.n_quads, block.n_triangles, block.rows
-    _gather_held(vertices, block.first, n, held, s)
+    gather_held(vertices, block.first, n, held, s)
     walls, sized = terms.scale > 0.0 or asked & WALLS != 0, asked & SIZES != 0
     more = held.shape[1] > 3
     # Ideal shapes are read from rows that stay in the cache, with no loop of their own.

@@ -41,8 +41,8 @@ class GlobalNewton:
     ----------
     topology, stars
         Of the mesh, and of the vertices that may move.
-    corners, sizes
-        Targets, as in `newton_sweep.cell_energy`.
+    corners, sizes, maps
+        Targets, as in `cell_energy.cell_energy`.
     forbidden
         Marks the cells that no step may leave at these coordinates, (n_cells,); none are now.
     """
@@ -53,11 +53,12 @@ class GlobalNewton:
         stars: Stars,
         corners: FloatArray,
         sizes: FloatArray,
+        maps: FloatArray,
         forbidden: Callable[[FloatArray], BoolArray],
     ) -> None:
         from qsmooth.kernels.shape_hessian import block_pattern
 
-        self.topology, self._targets, self._forbidden = topology, (corners, sizes), forbidden
+        self.topology, self._targets, self._forbidden = topology, (corners, sizes, maps), forbidden
         self.vertices = np.sort(stars.vertices.astype(np.int64))
         self.unknown = np.full(topology.n_vertices, -1, np.int64)
         self.unknown[self.vertices] = np.arange(self.vertices.size)

@@ -116,21 +116,28 @@ class Lanes:
 
     def newton(self, xy: FloatArray, wall: Wall, progress: Progress) -> None:
         """Sweep a round downhill on the mean shape and the wall."""
-        from qsmooth.kernels.newton_sweep import newton_sweep
+        lengths, held, rows = self._moves.lengths, self._held, self._rows
+        if self.targets.maps is None:
+            from qsmooth.kernels.newton_sweep import newton_sweep
 
-        lengths = self._moves.lengths
+            def sweep(colours: tuple[int, int]) -> None:
+                newton_sweep(xy, self._blocks, colours, RELAXATION, wall, held, rows, lengths)
+        else:
+            from qsmooth.kernels.mapped_sweep import Maps, mapped_sweep
+
+            maps = Maps(*self.maps[self._blocks.cells].T.copy())
+
+            def sweep(colours: tuple[int, int]) -> None:
+                mapped_sweep(xy, self._blocks, colours, RELAXATION, wall, held, rows, maps, lengths)
+
         for _ in range(progress.next_round()):
-            self._engine.run(
-                lambda colours: newton_sweep(
-                    xy, self._blocks, colours, RELAXATION, wall, self._held, self._rows, lengths
-                ),
-                self._n_colours,
-            )
+            self._engine.run(sweep, self._n_colours)
             progress.sweeps += 1
 
     def aim_at(self, targets: Targets) -> None:
         """Ask each cell for this shape and size from now on; takes walls on shape down."""
         self.targets = targets
+        self.maps = np.empty((0, 3)) if targets.maps is None else targets.maps
         counts = targets.size_weight > 0.0
         inv_area = np.divide(1.0, targets.area, out=np.zeros(counts.size), where=counts)
         self.sizes = np.stack([inv_area, targets.size_weight], axis=1)
@@ -159,7 +166,7 @@ class Lanes:
         from qsmooth.kernels.cell_energy import worst_shape
 
         shape = np.empty(self.topology.n_cells)
-        worst_shape(xy, *self.topology.cells, self.targets.corners, shape)
+        worst_shape(xy, *self.topology.cells, self.targets.corners, self.maps, shape)
         return shape
 
     def untangle(self, xy: FloatArray, sizes: FloatArray, epsilon: float) -> None:
@@ -211,5 +218,7 @@ class Lanes:
         from qsmooth.kernels.cell_energy import cell_energy
 
         cells, corners = self.topology.cells, self.targets.corners
-        cell_energy(xy, *cells, self.movable, corners, self.sizes, self._badness, self._shape)
+        cell_energy(
+            xy, *cells, self.movable, corners, self.sizes, self.maps, self._badness, self._shape
+        )
         return self._badness, self._shape

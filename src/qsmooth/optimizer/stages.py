@@ -129,7 +129,7 @@ def _global_steps(
     from qsmooth.optimizer.global_newton import GlobalNewton
 
     solver = GlobalNewton(
-        lanes.topology, stars, lanes.targets.corners, lanes.sizes, lanes.forbidden
+        lanes.topology, stars, lanes.targets.corners, lanes.sizes, lanes.maps, lanes.forbidden
     )
     trial, shape, count = xy.copy(), 0.0, 0
     while count < GLOBAL_STEPS and not progress.spent():
