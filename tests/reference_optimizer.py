@@ -80,13 +80,26 @@ def value(x) -> float:
 
 
 class Asked:
-    """What is asked of one cell: a target a corner, by vertex; area, its weight, the wall on f."""
+    """What is asked of one cell: a target a corner, by vertex; area, its weight, the wall on f; and
+    the symmetric matrix that edges are multiplied by before f is taken.
+    """
 
-    def __init__(self, targets, area=None, weight=0.0, slim=0.0):
+    def __init__(self, targets, area=None, weight=0.0, slim=0.0, map_=((1.0, 0.0), (0.0, 1.0))):
         self.targets, self.area, self.weight, self.slim = targets, area, weight, slim
+        self.map = np.array(map_)
+
+    def mapped(self, u):
+        return tuple(float(a) * u[0] + float(b) * u[1] for a, b in self.map)
 
 
-def random_asked(cells, rng):
+def random_map(rng):
+    """Symmetric, positive definite, of determinant one."""
+    turn, stretch = rng.uniform(0.0, math.pi), math.exp(rng.normal())
+    axes = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
+    return (axes * (stretch, 1.0 / stretch)) @ axes.T
+
+
+def random_asked(cells, rng, *, maps=False):
     """Targets of any shape, areas, weights and walls, of cells by the set of their vertices."""
     asked = {}
     for cell in cells:
@@ -107,6 +120,7 @@ def random_asked(cells, rng):
             area=rng.uniform(0.3, 3.0) if sized else None,
             weight=rng.uniform(0.1, 3.0) if sized else 0.0,
             slim=rng.choice([0.0, 0.3, 0.7]),
+            **({"map_": random_map(rng)} if maps else {}),
         )
     return asked
 
@@ -220,7 +234,7 @@ def shape_terms(places, cells, only=None, asked=None):
             if only is not None and not only & set(corner):
                 continue
             u, w = edges_at(places, cell, i)
-            f = shape_energy(u, w, own.targets[corner[0]])
+            f = shape_energy(own.mapped(u), own.mapped(w), own.targets[corner[0]])
             mean.append(f + size_energy(determinant(u, w), own.area, own.weight))
             walls.append((f * own.slim) ** 16 if own.slim else f * 0.0)
             if len(cell) == 3:
@@ -383,6 +397,7 @@ def gradient_and_hessian(points, cells, unknowns, asked=None):
             to = np.zeros((4, 6))
             to[:2, :2], to[:2, 2:4] = -np.eye(2), np.eye(2)
             to[2:, :2], to[2:, 4:] = -np.eye(2), np.eye(2)
+            to = np.kron(np.eye(2), own.map) @ to
             _, m12, m22 = own.targets[v]
             # |p|² = m22 and p·q = -m12 at the scale where det(p, q) = 1.
             first = to[:2] / math.sqrt(m22)
@@ -390,7 +405,7 @@ def gradient_and_hessian(points, cells, unknowns, asked=None):
             at = np.array([[points[w].real, points[w].imag] for w in (v, b, d)])
             u_w = to @ (at - at[0]).ravel()
             jet = corner_jet(u_w[:2], u_w[2:])
-            # The map keeps areas.
+            # The maps keep areas.
             size_gradient, size_hessian = size_jet(u_w[:2], u_w[2:], own.area, own.weight)
             local_gradient = to.T @ (jet.gradient + size_gradient)
             local_hessian = to.T @ (semi_definite(jet.hessian) + size_hessian) @ to

@@ -112,8 +112,10 @@ def run_loops(made, energy, module, prefix, which):
             loop(*at, shapes, k, slim, k, terms(energy))
         else:
             getattr(module, f"{prefix}_{kind}")(*at, shapes, k, terms(energy))
-        if sizes[2].any():
-            getattr(module, f"{prefix}_{kind}_size")(*at, sizes, k, terms(energy))
+        pairs = newton_sweep.SEEN if k < n_quads else [(lanes.ROW0, lanes.ROW2)]
+        for a, c in pairs if sizes[2].any() else []:
+            loop = getattr(module, f"{prefix}_size")
+            loop(star, s, row + a, row + c, which, sizes, k, terms(energy).mean_weight)
 
 
 def derivatives(mesh, v, energy, asked=None):
@@ -141,9 +143,9 @@ def star_energy(mesh, v, z, energy, *, bound=False, asked=None):
     return slow.star_energy(places, v, cells, *energy, bound=bound, asked=asked)
 
 
-def asked_of(mesh, seed=0):
+def asked_of(mesh, seed=0, *, maps=False):
     """Targets at random."""
-    return slow.random_asked(reference.as_lists(mesh), np.random.default_rng(seed))
+    return slow.random_asked(reference.as_lists(mesh), np.random.default_rng(seed), maps=maps)
 
 
 def some_vertices(mesh, count=4):
@@ -476,11 +478,12 @@ def test_a_vertex_of_a_valid_mesh_never_leaves_its_kernel():
 
 
 def targets_of(mesh, asked=None):
-    """Targets of all corners, and one over the area and the weight of each cell."""
+    """Targets of all corners; one over the area, and the weight; and the map of each cell."""
     owns = [(cell, slow.asked_of(cell, asked)) for cell in reference.as_lists(mesh)]
     targets = [own.targets[v] for cell, own in owns for v in cell]
     sizes = [(1.0 / own.area if own.area else 0.0, own.weight) for _, own in owns]
-    return np.array(targets), np.array(sizes)
+    maps = [own.map[[0, 0, 1], [0, 1, 1]] for _, own in owns] if asked else np.empty((0, 3))
+    return np.array(targets), np.array(sizes), np.array(maps)
 
 
 def cell_energy(mesh, movable, asked=None):
@@ -499,7 +502,7 @@ def test_cell_energy_agrees_with_the_reference(kind):
     mesh = random_mesh(kind, 3, seed=11, amount=0.8).mesh
     movable = some_vertices(mesh, 2)
     places = mesh.xy.tolist()
-    for asked in (None, asked_of(mesh)):
+    for asked in (None, asked_of(mesh), asked_of(mesh, maps=True)):
         worst, total = cell_energy(mesh, movable, asked)
         for c, cell in enumerate(reference.as_lists(mesh)):
             _, g = slow.terms(places, [cell], set(movable))
@@ -514,16 +517,20 @@ def test_cell_energy_agrees_with_the_reference(kind):
 def test_worst_shape_is_that_of_the_worst_corner_towards_its_target(kind):
     mesh = random_mesh(kind, 3, seed=11, amount=0.8).mesh
     places, found = mesh.xy.tolist(), np.full(mesh.n_cells, np.nan)
-    for asked in (None, asked_of(mesh)):
-        cell_kernels.worst_shape(mesh.xy, *mesh.topology.cells, targets_of(mesh, asked)[0], found)
+    for asked in (None, asked_of(mesh), asked_of(mesh, maps=True)):
+        targets, _, maps = targets_of(mesh, asked)
+        cell_kernels.worst_shape(mesh.xy, *mesh.topology.cells, targets, maps, found)
         for c, cell in enumerate(reference.as_lists(mesh)):
-            targets = slow.asked_of(cell, asked).targets
+            own = slow.asked_of(cell, asked)
             energies = [
-                slow.shape_energy(*slow.edges_at(places, cell, i), targets[cell[i]])
+                slow.shape_energy(
+                    *map(own.mapped, slow.edges_at(places, cell, i)), own.targets[cell[i]]
+                )
                 for i in range(len(cell))
             ]
             assert found[c] == pytest.approx(max(energies), rel=1e-12)
-    cell_kernels.worst_shape(mesh.xy, *mesh.topology.cells, targets_of(mesh)[0], found)
+    targets, _, maps = targets_of(mesh)
+    cell_kernels.worst_shape(mesh.xy, *mesh.topology.cells, targets, maps, found)
     assert 1.0 / found == pytest.approx(quality(mesh).shape, rel=1e-12)
 
 

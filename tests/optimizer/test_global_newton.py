@@ -17,7 +17,7 @@ from qsmooth.targets import ideal
 
 def asked(mesh):
     """Ideal targets, of any size."""
-    return ideal(mesh.topology).corners, np.zeros((mesh.n_cells, 2))
+    return ideal(mesh.topology).corners, np.zeros((mesh.n_cells, 2)), np.empty((0, 3))
 
 
 def lanes_of(mesh):
@@ -29,7 +29,9 @@ def lanes_of(mesh):
 
 def solver(mesh):
     lanes = lanes_of(mesh)
-    return GlobalNewton(mesh.topology, lanes.stars, lanes.targets.corners, lanes.sizes, lanes.caps)
+    return GlobalNewton(
+        mesh.topology, lanes.stars, lanes.targets.corners, lanes.sizes, lanes.maps, lanes.caps
+    )
 
 
 def warped(n=24, kind="quad"):
@@ -105,7 +107,9 @@ def test_a_step_leaves_nothing_beyond_what_is_held(hold):
     lanes.caps.hold(mesh.xy, hold)
     assert not lanes.caps.forbidden(mesh.xy).any()
     xy = mesh.xy.copy()
-    steps = GlobalNewton(mesh.topology, lanes.stars, lanes.targets.corners, lanes.sizes, lanes.caps)
+    steps = GlobalNewton(
+        mesh.topology, lanes.stars, lanes.targets.corners, lanes.sizes, lanes.maps, lanes.caps
+    )
     assert steps.step(xy) > 0.0
     assert not lanes.caps.forbidden(xy).any()
 

@@ -6,9 +6,26 @@ import numpy as np
 from numba import prange
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray
-from qsmooth.kernels._jit import kernel, parallel_kernel
+from qsmooth.kernels._jit import helper, kernel, parallel_kernel
 from qsmooth.kernels.corner_energy import Target, corner_shape
 from qsmooth.kernels.star_energy import SINE_60
+
+
+@helper()
+def mapped_shape(
+    target: Target,
+    l11: float,
+    l12: float,
+    l22: float,
+    ux: float,
+    uy: float,
+    wx: float,
+    wy: float,
+) -> float:
+    """Give the numerator of a corner's shape energy for mapped edges; the determinant stays."""
+    return corner_shape(
+        target, l11 * ux + l12 * uy, l12 * ux + l22 * uy, l11 * wx + l12 * wy, l12 * wx + l22 * wy
+    )[0]
 
 
 @parallel_kernel()
@@ -19,6 +36,7 @@ def cell_energy(
     movable: BoolArray,
     targets: FloatArray,
     sizes: FloatArray,
+    maps: FloatArray,
     badness: FloatArray,
     energy: FloatArray,
 ) -> None:
@@ -32,6 +50,8 @@ def cell_energy(
         m11, m12, m22 at each corner (`corner_energy.Target`).
     sizes : (n_cells, 2)
         One over the target of the corners' determinants, and the weight of the size term.
+    maps : (n_cells, 3) or (0, 3)
+        l11, l12, l22 of the maps that edges take before f does; none where there are none.
     badness, energy : (n_cells,)
         Overwritten; 0 where no corner counts, infinite where one that does is not positive.
     """
@@ -49,6 +69,8 @@ def cell_energy(
                 wx, wy = xy[d, 0] - xy[a, 0], xy[d, 1] - xy[a, 1]
                 target = Target(targets[k, 0], targets[k, 1], targets[k, 2])
                 n, det = corner_shape(target, ux, uy, wx, wy)
+                if maps.shape[0] > 0:
+                    n = mapped_shape(target, maps[c, 0], maps[c, 1], maps[c, 2], ux, uy, wx, wy)
                 if det > 0.0:
                     lengths = math.sqrt((ux * ux + uy * uy) * (wx * wx + wy * wy))
                     worst = max(worst, best_sine * lengths / det)
@@ -69,14 +91,15 @@ def worst_shape(
     cell_offsets: IndexArray,
     cell_vertices: IndexArray,
     targets: FloatArray,
+    maps: FloatArray,
     out: FloatArray,
 ) -> None:
     """Measure the largest shape energy of each cell's corners, towards their targets.
 
     Parameters
     ----------
-    targets : (n_corners, 3)
-        m11, m12, m22 at each corner (`corner_energy.Target`).
+    targets, maps
+        As in `cell_energy`.
     out : (n_cells,)
         Overwritten; 1 at best, infinite where a corner is not positive.
     """
@@ -91,6 +114,8 @@ def worst_shape(
             ux, uy = xy[b, 0] - xy[a, 0], xy[b, 1] - xy[a, 1]
             wx, wy = xy[d, 0] - xy[a, 0], xy[d, 1] - xy[a, 1]
             n, det = corner_shape(target, ux, uy, wx, wy)
+            if maps.shape[0] > 0:
+                n = mapped_shape(target, maps[c, 0], maps[c, 1], maps[c, 2], ux, uy, wx, wy)
             worst = max(worst, n / det if det > 0.0 else np.inf)
             d = a
         out[c] = worst

@@ -17,7 +17,7 @@ from qsmooth.kernels.corner_energy import Linear, Quadratic, hessian, quotient
 
 # The first lane of a block to look at, and the one to stop before.
 LaneRange: TypeAlias = tuple[int, int]
-ROW, ROW2, ROW3, ROW4, ROW5, ROW6 = (lane_row(k) for k in range(1, 7))
+ROW0, ROW, ROW2, ROW3, ROW4, ROW5, ROW6 = (lane_row(k) for k in range(7))
 N_ROWS = 23
 # Energy, gradient and Hessian of the star; energy of a trial and the least margin of its areas;
 # Newton step; place and trial place; 1 while the vertex has a step to take; for one kernel's use;

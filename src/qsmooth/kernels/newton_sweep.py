@@ -35,10 +35,11 @@ from qsmooth.kernels.lanes import (
     MOST_RATIO,
     MOST_SHAPE,
     N_ROWS,
+    ROW0,
+    ROW2,
     ROW4,
     ROW6,
     TODO,
-    LaneRange,
     gather_block,
     newton_step,
     start_trial,
@@ -49,9 +50,8 @@ from qsmooth.kernels.star_energy import (
     Terms,
     WallArrays,
     add_quad,
-    add_quad_size,
+    add_size,
     add_triangle,
-    add_triangle_size,
     add_walled_quad,
     add_walled_triangle,
 )
@@ -59,9 +59,8 @@ from qsmooth.kernels.star_trials import (
     hold_quad,
     hold_triangle,
     try_quad,
-    try_quad_size,
+    try_size,
     try_triangle,
-    try_triangle_size,
     try_walled_quad,
     try_walled_triangle,
 )
@@ -69,23 +68,10 @@ from qsmooth.kernels.star_trials import (
 # Up to so many lanes of a block are tried one by one, more of them all together.
 FEW = 6
 ONE: Any = np.uint64(1)
-
-
-class Shapes(NamedTuple):
-    """Target shapes of a block: arrays for quads and triangles, first row, from cell to cell."""
-
-    quads: RowArrays
-    triangles: RowArrays
-    first: int
-    step: int
-
-
-class Asks(NamedTuple):
-    """What a block asks for besides shapes: walls, sizes, and more than angles to be held."""
-
-    walls: bool
-    sizes: bool
-    held: bool
+# The three corners of a quad that see the vertex, by the rows of the other two vertices that make
+# up their determinants.
+SEEN = ((ROW0, ROW4), (ROW0, ROW2), (ROW2, ROW4))
+N_SEEN = len(SEEN)
 
 
 class Wall(NamedTuple):
@@ -107,7 +93,7 @@ class Wall(NamedTuple):
 
 
 @helper()
-def _gather_held(vertices: TableArray, first: int, n: int, held: FloatArray, s: FloatArray) -> None:
+def gather_held(vertices: TableArray, first: int, n: int, held: FloatArray, s: FloatArray) -> None:
     """Look up what is held around each vertex: cosines and sine squared, with their signs."""
     for i in range(n):
         v = vertices[first + i]
@@ -129,45 +115,6 @@ def _fill_ideal(ideal: FloatArray) -> None:
 
 
 @helper()
-def _try_block(
-    star_xy: FloatArray,
-    s: FloatArray,
-    block: Block,
-    lanes: LaneRange,
-    fraction: float,
-    shapes: Shapes,
-    sizes: RowArrays,
-    walls: WallArrays,
-    asks: Asks,
-    terms: Terms,
-) -> None:
-    """Add up energy and margins of these lanes at a fraction of their steps."""
-    n, quads, triangles, row = block.size, block.n_quads, block.n_triangles, block.rows
-    start_trial(s, lanes, fraction)
-    for k in range(quads):
-        at, own = k * ROW6, shapes.first + k * shapes.step
-        if asks.walls:
-            try_walled_quad(star_xy, s, at, lanes, shapes.quads, own, walls, row + k * n, terms)
-        else:
-            try_quad(star_xy, s, at, lanes, shapes.quads, own, terms)
-        if asks.sizes:
-            try_quad_size(star_xy, s, at, lanes, sizes, row + k * n, terms)
-        if asks.held:
-            hold_quad(star_xy, s, at, lanes)
-    for k in range(triangles):
-        at, own = quads * ROW6 + k * ROW4, shapes.first + (quads + k) * shapes.step
-        k_row = row + (quads + k) * n
-        if asks.walls:
-            try_walled_triangle(star_xy, s, at, lanes, shapes.triangles, own, walls, k_row, terms)
-        else:
-            try_triangle(star_xy, s, at, lanes, shapes.triangles, own, terms)
-        if asks.sizes:
-            try_triangle_size(star_xy, s, at, lanes, sizes, k_row, terms)
-        if asks.held:
-            hold_triangle(star_xy, s, at, lanes)
-
-
-@helper()
 def _move_block(
     xy: FloatArray,
     vertices: TableArray,
@@ -179,7 +126,7 @@ def _move_block(
     asked: int,
     shapes: RowArrays,
     sizes: RowArrays,
-    walls: WallArrays,
+    slims: WallArrays,
     star_xy: FloatArray,
     s: FloatArray,
     ideal: FloatArray,
@@ -187,49 +134,75 @@ def _move_block(
 ) -> None:
     gather_block(xy, vertices, stars, block, star_xy, s, lengths)
     n, quads, triangles, row = block.size, block.n_quads, block.n_triangles, block.rows
-    _gather_held(vertices, block.first, n, held, s)
-    asks = Asks(terms.scale > 0.0 or asked & WALLS != 0, asked & SIZES != 0, held.shape[1] > 3)
-    # Ideal shapes are read from rows that stay in the cache: no loop of their own.
-    quad_shapes, triangle_shapes, shape_row, shape_step = shapes, shapes, row, n
+    gather_held(vertices, block.first, n, held, s)
+    walls, sized = terms.scale > 0.0 or asked & WALLS != 0, asked & SIZES != 0
+    more = held.shape[1] > 3
+    # Ideal shapes are read from rows that stay in the cache, with no loop of their own.
+    quad_shapes, triangle_shapes, first_shape, next_shape = shapes, shapes, row, n
     if asked & SHAPES == 0:
         _fill_ideal(ideal)
         one, diagonal, other = ideal[:LANES], ideal[LANES : 2 * LANES], ideal[2 * LANES :]
         quad_shapes, triangle_shapes = (one, one, one), (diagonal, other, diagonal)
-        shape_row, shape_step = row - row, n - n
-    own = Shapes(quad_shapes, triangle_shapes, shape_row, shape_step)
+        first_shape, next_shape = row - row, n - n
     for k in range(quads):
-        at, shape = k * ROW6, shape_row + k * shape_step
-        if asks.walls:
-            add_walled_quad(star_xy, s, at, n, quad_shapes, shape, walls, row + k * n, terms)
+        at, own, k_row = k * ROW6, first_shape + k * next_shape, row + k * n
+        if walls:
+            add_walled_quad(star_xy, s, at, n, quad_shapes, own, slims, k_row, terms)
         else:
-            add_quad(star_xy, s, at, n, quad_shapes, shape, terms)
-        if asks.sizes:
-            add_quad_size(star_xy, s, at, n, sizes, row + k * n, terms)
-    for k in range(triangles):
-        at, shape = quads * ROW6 + k * ROW4, shape_row + (quads + k) * shape_step
-        k_row = row + (quads + k) * n
-        if asks.walls:
-            add_walled_triangle(star_xy, s, at, n, triangle_shapes, shape, walls, k_row, terms)
+            add_quad(star_xy, s, at, n, quad_shapes, own, terms)
+        if sized:
+            for j in range(N_SEEN):
+                a, c = at + SEEN[j][0], at + SEEN[j][1]
+                add_size(star_xy, s, a, c, n, sizes, k_row, terms.mean_weight)
+    for k in range(quads, quads + triangles):
+        at, own, k_row = quads * ROW2 + k * ROW4, first_shape + k * next_shape, row + k * n
+        if walls:
+            add_walled_triangle(star_xy, s, at, n, triangle_shapes, own, slims, k_row, terms)
         else:
-            add_triangle(star_xy, s, at, n, triangle_shapes, shape, terms)
-        if asks.sizes:
-            add_triangle_size(star_xy, s, at, n, sizes, k_row, terms)
+            add_triangle(star_xy, s, at, n, triangle_shapes, own, terms)
+        if sized:
+            add_size(star_xy, s, at, at + ROW2, n, sizes, k_row, terms.mean_weight)
     left = newton_step(s, n)
-    everyone = (n - n, n)  # of one type
+    nobody = n - n  # zero of its type
     fraction = relaxation
     for attempt in range(len(FRACTIONS) + 1):
         if left == 0.0:
             break
-        if left > FEW:
-            _try_block(star_xy, s, block, everyone, fraction, own, sizes, walls, asks, terms)
-            left = store_better(xy, vertices, block, everyone, s, lengths)
-        else:
-            left = 0.0
-            for i in range(n):
-                if s[TODO + i] > 0.0:
-                    alone = (i, i + ONE)
-                    _try_block(star_xy, s, block, alone, fraction, own, sizes, walls, asks, terms)
-                    left += store_better(xy, vertices, block, alone, s, lengths)
+        # All lanes together, or the few that are left one by one.
+        alone = left <= FEW
+        left = 0.0
+        first = nobody
+        while first < n:
+            lanes = first, (first + ONE if alone else n)
+            first = lanes[1]
+            if alone and s[TODO + lanes[0]] == 0.0:
+                continue
+            start_trial(s, lanes, fraction)
+            for k in range(quads):
+                at, own, k_row = k * ROW6, first_shape + k * next_shape, row + k * n
+                if walls:
+                    try_walled_quad(star_xy, s, at, lanes, quad_shapes, own, slims, k_row, terms)
+                else:
+                    try_quad(star_xy, s, at, lanes, quad_shapes, own, terms)
+                if sized:
+                    for j in range(N_SEEN):
+                        a, c = at + SEEN[j][0], at + SEEN[j][1]
+                        try_size(star_xy, s, a, c, lanes, sizes, k_row, terms.mean_weight)
+                if more:
+                    hold_quad(star_xy, s, at, lanes)
+            for k in range(quads, quads + triangles):
+                at, own, k_row = quads * ROW2 + k * ROW4, first_shape + k * next_shape, row + k * n
+                if walls:
+                    try_walled_triangle(
+                        star_xy, s, at, lanes, triangle_shapes, own, slims, k_row, terms
+                    )
+                else:
+                    try_triangle(star_xy, s, at, lanes, triangle_shapes, own, terms)
+                if sized:
+                    try_size(star_xy, s, at, at + ROW2, lanes, sizes, k_row, terms.mean_weight)
+                if more:
+                    hold_triangle(star_xy, s, at, lanes)
+            left += store_better(xy, vertices, block, lanes, s, lengths)
         fraction = FRACTIONS[min(attempt, len(FRACTIONS) - 1)]
 
 
@@ -272,7 +245,7 @@ def newton_sweep(
     terms = Terms(wall.mean_weight, 1.0 / wall.threshold, wall.squarings, 2.0**wall.squarings)
     colour_blocks, table, vertices, stars, _, largest = blocks
     asks, shapes = rows.asks, (rows.m11, rows.m12, rows.m22)
-    sizes, walls = (rows.area, rows.inv_area, rows.size_weight), (rows.slim, rows.near)
+    sizes, slims = (rows.area, rows.inv_area, rows.size_weight), (rows.slim, rows.near)
     for colour in range(colours[0], colours[1]):
         for b in prange(colour_blocks[colour], colour_blocks[colour + 1]):
             scratch, star_xy = np.empty(N_ROWS * LANES), np.empty(6 * largest * LANES)
@@ -287,7 +260,7 @@ def newton_sweep(
                 asks[b],
                 shapes,
                 sizes,
-                walls,
+                slims,
                 star_xy,
                 scratch,
                 np.empty(3 * LANES),

@@ -174,6 +174,23 @@ def fill_image(target: Target, weights: FloatArray) -> None:
     weights[2, 0], weights[2, 1] = 0.0, m22
 
 
+@helper()
+def take_back(
+    l11: float, l12: float, l22: float, gradient: FloatArray, hessian: FloatArray
+) -> None:
+    """Turn derivatives by mapped edges into those by the edges themselves, in place."""
+    for i in (0, 2):
+        x, y = gradient[i], gradient[i + 1]
+        gradient[i], gradient[i + 1] = l11 * x + l12 * y, l12 * x + l22 * y
+        for j in range(4):
+            x, y = hessian[i, j], hessian[i + 1, j]
+            hessian[i, j], hessian[i + 1, j] = l11 * x + l12 * y, l12 * x + l22 * y
+    for j in (0, 2):
+        for i in range(4):
+            x, y = hessian[i, j], hessian[i, j + 1]
+            hessian[i, j], hessian[i, j + 1] = l11 * x + l12 * y, l12 * x + l22 * y
+
+
 @kernel()
 def assemble(
     xy: FloatArray,
@@ -184,6 +201,7 @@ def assemble(
     columns: IndexArray,
     targets: FloatArray,
     sizes: FloatArray,
+    maps: FloatArray,
     gradient: FloatArray,
     values: FloatArray,
 ) -> None:
@@ -195,8 +213,8 @@ def assemble(
     ----------
     unknown, offsets, columns
         As in `block_pattern`.
-    targets, sizes
-        As in `newton_sweep.cell_energy`.
+    targets, sizes, maps
+        As in `cell_energy.cell_energy`.
     gradient : (n_unknown, 2)
         Overwritten.
     values : (n_blocks, 2, 2)
@@ -229,10 +247,16 @@ def assemble(
                 uy += weight[i, 0] * dy
                 wx += weight[i, 1] * dx
                 wy += weight[i, 1] * dy
+            if maps.shape[0] > 0:
+                a, b, d = maps[c, 0], maps[c, 1], maps[c, 2]
+                ux, uy = a * ux + b * uy, b * ux + d * uy
+                wx, wy = a * wx + b * wy, b * wx + d * wy
             corner_derivatives(ux, uy, wx, wy, g, h)
             if sizes[c, 1] > 0.0:
-                # The image has m22 times the area.
+                # The image has m22 times the area; maps keep it.
                 add_size_term(ux, uy, wx, wy, sizes[c, 0] / target.m22, sizes[c, 1], g, h)
+            if maps.shape[0] > 0:
+                take_back(maps[c, 0], maps[c, 1], maps[c, 2], g, h)
             for i in range(3):
                 row = unknown[ids[i]]
                 if row < 0:

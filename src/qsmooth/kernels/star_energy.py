@@ -361,47 +361,25 @@ def _add_size(
 
 
 @helper()
-def add_quad_size(
+def add_size(
     star: FloatArray,
     s: FloatArray,
-    k: int,
+    a: int,
+    c: int,
     n: int,
-    rows: RowArrays,
+    sizes: RowArrays,
     row: int,
-    terms: Terms,
+    mean_weight: float,
 ) -> None:
-    """Add the size term of a quad of each star, and its derivatives."""
-    areas, inv_areas, weights = rows
-    for i in range(n):
-        area, inv_area = areas[row + i], inv_areas[row + i]
-        weight = terms.mean_weight * weights[row + i]
-        px, py = s[X + i], s[Y + i]
-        ax, ay = star[k + i] - px, star[k + ROW + i] - py
-        bx, by = star[k + ROW2 + i] - px, star[k + ROW3 + i] - py
-        cx, cy = star[k + ROW4 + i] - px, star[k + ROW5 + i] - py
-        _add_size(determinant(ax, ay, cx, cy), area, inv_area, weight, s, i)
-        det = determinant_to_previous(bx - ax, by - ay, -ax, -ay)
-        _add_size(det, area, inv_area, weight, s, i)
-        det = determinant_to_next(-cx, -cy, bx - cx, by - cy)
-        _add_size(det, area, inv_area, weight, s, i)
+    """Add the size term of a corner of each star, and its derivatives.
 
-
-@helper()
-def add_triangle_size(
-    star: FloatArray,
-    s: FloatArray,
-    k: int,
-    n: int,
-    rows: RowArrays,
-    row: int,
-    terms: Terms,
-) -> None:
-    """Add the size term of a triangle of each star, and its derivatives."""
-    areas, inv_areas, weights = rows
+    Its determinant is that of the edges to the places in rows a and c, whichever corner it is.
+    """
+    areas, inv_areas, weights = sizes
     for i in range(n):
         px, py = s[X + i], s[Y + i]
-        ax, ay = star[k + i] - px, star[k + ROW + i] - py
-        cx, cy = star[k + ROW2 + i] - px, star[k + ROW3 + i] - py
-        weight = terms.mean_weight * weights[row + i]
-        det = determinant(ax, ay, cx, cy)
+        det = determinant(
+            star[a + i] - px, star[a + ROW + i] - py, star[c + i] - px, star[c + ROW + i] - py
+        )
+        weight = mean_weight * weights[row + i]
         _add_size(det, areas[row + i], inv_areas[row + i], weight, s, i)

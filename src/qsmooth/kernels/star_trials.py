@@ -240,60 +240,25 @@ def try_walled_triangle(
 # ------------------------------------------------------------------------------- sizes
 
 
-@lane_helper()
-def _try_size(
-    det: float, area: float, inv_area: float, weight: float, s: FloatArray, i: int
-) -> None:
-    off = det * inv_area - area / det
-    s[TRIAL + i] += 0.5 * weight * off * off
-
-
 @helper()
-def try_quad_size(
+def try_size(
     star: FloatArray,
     s: FloatArray,
-    k: int,
+    a: int,
+    c: int,
     lanes: LaneRange,
-    rows: RowArrays,
+    sizes: RowArrays,
     row: int,
-    terms: Terms,
+    mean_weight: float,
 ) -> None:
-    """Add a quad's size term at the trial places."""
-    areas, inv_areas, weights = rows
-    for i in range(lanes[0], lanes[1]):
-        area, inv_area = areas[row + i], inv_areas[row + i]
-        weight = terms.mean_weight * weights[row + i]
-        px, py = s[PX + i], s[PY + i]
-        ax, ay = star[k + i], star[k + ROW + i]
-        cx, cy = star[k + ROW4 + i], star[k + ROW5 + i]
-        ux, uy = ax - px, ay - py
-        wx, wy = cx - px, cy - py
-        _try_size(ux * wy - uy * wx, area, inv_area, weight, s, i)
-        ex, ey = star[k + ROW2 + i] - ax, star[k + ROW3 + i] - ay
-        _try_size(ey * ux - ex * uy, area, inv_area, weight, s, i)
-        ex, ey = star[k + ROW2 + i] - cx, star[k + ROW3 + i] - cy
-        _try_size(ex * wy - ey * wx, area, inv_area, weight, s, i)
-
-
-@helper()
-def try_triangle_size(
-    star: FloatArray,
-    s: FloatArray,
-    k: int,
-    lanes: LaneRange,
-    rows: RowArrays,
-    row: int,
-    terms: Terms,
-) -> None:
-    """Add a triangle's size term at the trial places."""
-    areas, inv_areas, weights = rows
+    """Add the size term of a corner at the trial places; a and c as in `add_size`."""
+    areas, inv_areas, weights = sizes
     for i in range(lanes[0], lanes[1]):
         px, py = s[PX + i], s[PY + i]
-        det = (star[k + i] - px) * (star[k + ROW3 + i] - py) - (star[k + ROW + i] - py) * (
-            star[k + ROW2 + i] - px
-        )
-        weight = terms.mean_weight * weights[row + i]
-        _try_size(det, areas[row + i], inv_areas[row + i], weight, s, i)
+        ax, ay, cx, cy = star[a + i], star[a + ROW + i], star[c + i], star[c + ROW + i]
+        det = (ax - px) * (cy - py) - (ay - py) * (cx - px)
+        off = det * inv_areas[row + i] - areas[row + i] / det
+        s[TRIAL + i] += 0.5 * (mean_weight * weights[row + i]) * off * off
 
 
 # ------------------------------------------------------------------------------- held on request

@@ -42,8 +42,8 @@ class GlobalNewton:
     ----------
     topology, stars
         Of the mesh, and of the vertices that may move.
-    corners, sizes
-        Targets, as in `newton_sweep.cell_energy`.
+    corners, sizes, maps
+        Targets, as in `cell_energy.cell_energy`.
     caps
         What is held. Vertices of cells that it calls lost stay where they are.
     """
@@ -54,11 +54,13 @@ class GlobalNewton:
         stars: Stars,
         corners: FloatArray,
         sizes: FloatArray,
+        maps: FloatArray,
         caps: Caps,
     ) -> None:
         from qsmooth.kernels.shape_hessian import block_pattern
 
-        self.topology, self._targets, self._forbidden = topology, (corners, sizes), caps.forbidden
+        self.topology, self._targets = topology, (corners, sizes, maps)
+        self._forbidden = caps.forbidden
         self.vertices = np.sort(stars.vertices.astype(np.int64))
         if caps.lost.any():
             lost = topology.cell_vertices[np.repeat(caps.lost, topology.cell_sizes)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -82,17 +83,29 @@ class Lanes:
 
     def newton(self, xy: FloatArray, wall: Wall, progress: Progress) -> None:
         """Sweep a round downhill on the mean shape and the wall."""
-        from qsmooth.kernels.newton_sweep import newton_sweep
-
-        held, lengths = self.caps.swept, self._moves.lengths
         for _ in range(progress.next_round()):
             self._engine.run(
-                lambda colours: newton_sweep(
-                    xy, self._blocks, colours, RELAXATION, wall, held, self._rows, lengths
-                ),
-                self.n_colours,
+                self._sweep(xy, wall, self.caps.swept, self._moves.lengths), self.n_colours
             )
             progress.sweeps += 1
+
+    def _sweep(
+        self, xy: FloatArray, wall: Wall, held: FloatArray, lengths: FloatArray
+    ) -> Callable[[tuple[int, int]], None]:
+        """Give the sweep over some colours that fits the targets."""
+        rows = self._rows
+        if self.targets.maps is None:
+            from qsmooth.kernels.newton_sweep import newton_sweep
+
+            return lambda colours: newton_sweep(
+                xy, self._blocks, colours, RELAXATION, wall, held, rows, lengths
+            )
+        from qsmooth.kernels.mapped_sweep import Maps, mapped_sweep
+
+        maps = Maps(*self.maps[self._blocks.cells].T.copy())
+        return lambda colours: mapped_sweep(
+            xy, self._blocks, colours, RELAXATION, wall, held, rows, maps, lengths
+        )
 
     def try_colour(
         self, xy: FloatArray, colour: int, wall: Wall, held: FloatArray
@@ -105,15 +118,10 @@ class Lanes:
             Those of this colour, and which of them moved.
         """
         from qsmooth.kernels.blocks import FIRST
-        from qsmooth.kernels.newton_sweep import newton_sweep
 
         lengths = np.empty(self._blocks.vertices.size)
-        self._engine.run(
-            lambda _: newton_sweep(
-                xy, self._blocks, (colour, colour + 1), RELAXATION, wall, held, self._rows, lengths
-            ),
-            1,
-        )
+        sweep = self._sweep(xy, wall, held, lengths)
+        self._engine.run(lambda _: sweep((colour, colour + 1)), 1)
         first, last = (
             int(self._blocks.table[b, FIRST]) if b < len(self._blocks.table) else lengths.size
             for b in self._blocks.colour_blocks[colour : colour + 2]
@@ -122,22 +130,18 @@ class Lanes:
 
     def kept_back(self, xy: FloatArray) -> float:
         """Fraction of the energy that a sweep would gain if nothing but validity were held."""
-        from qsmooth.kernels.newton_sweep import Wall, newton_sweep
+        from qsmooth.kernels.newton_sweep import Wall
 
         trial, held = xy.copy(), np.tile(FREE[:ALWAYS], (self.topology.n_vertices, 1))
         lengths, wall = np.empty_like(self._moves.lengths), Wall(1.0, np.inf, 1)
-        self._engine.run(
-            lambda colours: newton_sweep(
-                trial, self._blocks, colours, RELAXATION, wall, held, self._rows, lengths
-            ),
-            self.n_colours,
-        )
+        self._engine.run(self._sweep(trial, wall, held, lengths), self.n_colours)
         before = float(self.energy(xy)[1].sum())
         return 1.0 - float(self.energy(trial)[1].sum()) / before
 
     def aim_at(self, targets: Targets) -> None:
         """Ask each cell for this shape and size from now on; takes walls on shape down."""
         self.targets = targets
+        self.maps = np.empty((0, 3)) if targets.maps is None else targets.maps
         counts = targets.size_weight > 0.0
         inv_area = np.divide(1.0, targets.area, out=np.zeros(counts.size), where=counts)
         self.sizes = np.stack([inv_area, targets.size_weight], axis=1)
@@ -198,7 +202,7 @@ class Lanes:
         from qsmooth.kernels.cell_energy import worst_shape
 
         shape = np.empty(self.topology.n_cells)
-        worst_shape(xy, *self.topology.cells, self.targets.corners, shape)
+        worst_shape(xy, *self.topology.cells, self.targets.corners, self.maps, shape)
         return shape
 
     def untangle(self, xy: FloatArray, sizes: FloatArray, epsilon: float) -> None:
@@ -253,7 +257,9 @@ class Lanes:
         from qsmooth.kernels.cell_energy import cell_energy
 
         cells, corners = self.topology.cells, self.targets.corners
-        cell_energy(xy, *cells, self.movable, corners, self.sizes, self._badness, self._shape)
+        cell_energy(
+            xy, *cells, self.movable, corners, self.sizes, self.maps, self._badness, self._shape
+        )
         if (lost := self.caps.lost).any():
             self._badness[lost] = self._shape[lost] = 0.0
         return self._badness, self._shape

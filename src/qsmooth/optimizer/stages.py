@@ -179,7 +179,9 @@ def _global_steps(
     """Take Newton steps on all vertices at once while each pays; return their count."""
     from qsmooth.optimizer.global_newton import GlobalNewton
 
-    solver = GlobalNewton(lanes.topology, stars, lanes.targets.corners, lanes.sizes, lanes.caps)
+    solver = GlobalNewton(
+        lanes.topology, stars, lanes.targets.corners, lanes.sizes, lanes.maps, lanes.caps
+    )
     trial, shape, count, patience = xy.copy(), best.best_shape - LEAST_GAIN, 0, STEP_PATIENCE
     while count < GLOBAL_STEPS and patience and not progress.spent():
         gain = solver.step(trial)
