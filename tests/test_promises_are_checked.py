@@ -12,7 +12,7 @@ from meshes import grid, random_mesh, renumber, tangle
 from qsmooth import Mesh, Stop
 from qsmooth.methods.driver import Sweep, SweepingMethod
 from qsmooth.options import option
-from qsmooth.outcome import Aim, Sizes, Target, Trade
+from qsmooth.outcome import Aim, Held, Sizes, Target, Trade
 
 pytestmark = pytest.mark.nojit
 
@@ -278,6 +278,28 @@ def test_what_is_told_is_measured(check, message):
     seen = replace(seen, result=replace(seen.result, outcome=outcome))
     with pytest.raises(AssertionError, match=message):
         check(seen)
+
+
+@pytest.mark.parametrize(
+    ("lie", "message"),
+    [
+        ({"figure": "shape"}, "a figure that is not held"),
+        ({"cell": 0}, "a cell that nothing changes"),
+        ({}, ""),
+        ({"value": 120.0}, "held at what is worse"),
+    ],
+)
+def test_what_is_said_to_hold_back_is_looked_at(lie, message):
+    mesh = Mesh(*grid(4, 4), fixed=[6])
+    seen = promises.run(mesh, Untangles(guard="clearance", max_sweeps=0))
+    held = replace(Held(figure="max_angle", value=90.0, cell=5, vertices=1), **lie)
+    outcome = replace(seen.result.outcome, held=(held,), stop=Stop.SETTLED)
+    seen = replace(seen, result=replace(seen.result, outcome=outcome))
+    if message:
+        with pytest.raises(AssertionError, match=message):
+            promises.what_holds_back_is_told(seen)
+    else:
+        promises.what_holds_back_is_told(seen)
 
 
 def test_an_honest_method_passes():
