@@ -21,8 +21,8 @@ LEAST_FORBIDDEN = 1e-2
 MOST_RESIZED = 0.06
 # Areas count as this multiple of their target at least.
 TINY = 1e-6
-# The percentile that low angles stand for, and how much the worst shape counts beside the mean.
-LOW, SHAPE_COUNTS = 1.0, 0.1
+# The percentile that low angles stand for; how much they and the worst shape count beside the mean.
+LOW, LOW_COUNTS, SHAPE_COUNTS = 1.0, 0.3, 0.1
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Figures:
     @property
     def overall(self) -> float:
         """What counts where the worst corners are held: the mean, low angles, the worst shape."""
-        return float(self.shape * self.low_angle * self.least_shape**SHAPE_COUNTS)
+        return float(self.shape * self.low_angle**LOW_COUNTS * self.least_shape**SHAPE_COUNTS)
 
     def better(self, other: Figures) -> bool:
         """Whether the worst corner is better, or about as good with a better mean."""
