@@ -95,21 +95,21 @@ def lane(mesh, v, asked=None):
     s[lanes.X], s[lanes.Y] = mesh.xy[v]
     m11, m12, m22, area, weight, slim = asked_table([v] * len(cells), cells, asked).T.copy()
     inv_area = np.divide(1.0, area, out=np.zeros(area.size), where=area > 0.0)
-    asks = (m11, m12, m22), (area, inv_area, weight), slim
+    asks = (m11, m12, m22), (area, inv_area, weight), (slim, np.ones_like(slim))
     return star, s, len(quads), len(triangles), asks
 
 
 def run_loops(made, energy, module, prefix, which):
     """Run the loops over all cells of a star, those with walls where there are any."""
-    star, s, n_quads, n_triangles, (shapes, sizes, slim) = made
-    walled = math.isfinite(energy[1]) or slim.any()
+    star, s, n_quads, n_triangles, (shapes, sizes, walls) = made
+    walled = math.isfinite(energy[1]) or walls[0].any()
     for k in range(n_quads + n_triangles):
         kind = "quad" if k < n_quads else "triangle"
         row = min(k, n_quads) * lanes.ROW6 + max(0, k - n_quads) * lanes.ROW4
         at = star, s, row, which
         if walled:
             loop = getattr(module, f"{prefix}_walled_{kind}")
-            loop(*at, shapes, k, slim, k, terms(energy))
+            loop(*at, shapes, k, walls, k, terms(energy))
         else:
             getattr(module, f"{prefix}_{kind}")(*at, shapes, k, terms(energy))
         pairs = newton_sweep.SEEN if k < n_quads else [(lanes.ROW0, lanes.ROW2)]
