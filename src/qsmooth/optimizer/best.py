@@ -39,6 +39,8 @@ class Figures:
         Cells that are not valid.
     resized
         Mean over the cells of γ |log τ|, τ the area over its target, γ how much that counts.
+    energy
+        Mean energy of the cells towards their targets, size included.
     """
 
     free_jacobian: float
@@ -46,6 +48,7 @@ class Figures:
     plain_shape: float
     n_invalid: int
     resized: float = 0.0
+    energy: float = 0.0
 
     def better(self, other: Figures) -> bool:
         """Whether the worst corner is better, or about as good with a better mean."""
@@ -90,6 +93,8 @@ class Best:
     ) -> None:
         self.lanes, self.progress = lanes, progress
         self._mean_loss, self._enough = mean_loss, enough
+        # A metric asks for angles of its own: towards it only the energy tells what is better.
+        self._by_energy = lanes.targets.kind == "metric"
         self.updates = 0
         self._given_xy, self.xy = xy.copy(), xy.copy()
         self.given = self.figures = self.measure(xy)
@@ -105,7 +110,7 @@ class Best:
         self.best_shape = max(self.best_shape, now.shape)
         affordable = self.affords(now)
         # What was the best may have become too dear meanwhile.
-        better = not self.affords(self.figures) or now.better(self.figures)
+        better = not self.affords(self.figures) or self._better(now)
         fewer = now.n_invalid < self.figures.n_invalid
         # Cells that nothing can mend keep no others from getting better.
         no_more = now.n_invalid <= self.figures.n_invalid
@@ -115,6 +120,11 @@ class Best:
         elif not affordable and no_more:
             self._too_dear = max(self._too_dear, now.free_jacobian)
         return now
+
+    def _better(self, now: Figures) -> bool:
+        if self._by_energy:
+            return now.energy < self.figures.energy
+        return now.better(self.figures)
 
     def relaxed(self, xy: FloatArray) -> bool:
         """Keep coordinates with less energy, unless the mean shape is worse; whether they are kept.
@@ -135,6 +145,8 @@ class Best:
 
     def affords(self, now: Figures) -> bool:
         """Whether neither the mean shape nor the sizes have lost more than is allowed."""
+        if self._by_energy:
+            return True  # there are no worst cells that shape is given up for
         return now.shape >= self.floor() and now.resized <= self._most_resized
 
     def limit_sizes(self) -> None:
@@ -147,7 +159,10 @@ class Best:
 
     def settle(self) -> None:
         """Go back to the coordinates given where nothing of them was to gain."""
-        if self.figures.gain(self.given) < LEAST_GAIN and self.given.n_invalid == 0:
+        gain = self.figures.gain(self.given)
+        if self._by_energy:
+            gain = 1.0 - self.figures.energy / self.given.energy
+        if gain < LEAST_GAIN and self.given.n_invalid == 0:
             self.xy, self.figures = self._given_xy, self.given
 
     @property
@@ -160,8 +175,10 @@ class Best:
     def measure(self, xy: FloatArray) -> Figures:
         """Measure coordinates, (n, 2)."""
         quality = self.lanes.quality(xy)
+        badness, energy = self.lanes.energy(xy)
         return Figures(
-            free_jacobian=1.0 / float(self.lanes.energy(xy)[0].max()),
+            free_jacobian=1.0 / float(badness.max()),
+            energy=float(energy.mean()),
             shape=float((1.0 / self.lanes.worst_shape(xy)).mean()),
             plain_shape=float(np.mean(quality.shape)),
             n_invalid=quality.n_invalid,

@@ -66,12 +66,12 @@ class Lanes:
         """Measure the mesh at these coordinates."""
         return Quality(self.topology, xy)
 
-    def hold(self, xy: FloatArray, also: Collection[str] = ()) -> None:
+    def hold(self, xy: FloatArray, also: Collection[str] = (), *, angles: bool = True) -> None:
         """From now on let nothing get worse than the worst of it at these coordinates.
 
-        The smallest and largest angle and the smallest scaled Jacobian are held always, and those
-        of `HOLDABLE` that are listed. Where only the boundary connects regions of a mesh, each has
-        its own worst.
+        The smallest and largest angle and the smallest scaled Jacobian are held unless `angles` is
+        false, and those of `HOLDABLE` that are listed. Where only the boundary connects regions of
+        a mesh, each has its own worst.
         """
         from qsmooth.kernels.cell_energy import corner_extremes
 
@@ -83,6 +83,8 @@ class Lanes:
         self.held[:, 0] = most + SLACK * (1.0 - most**2) + ROUNDING
         self.held[:, 1] = least - SLACK * (1.0 - least**2) - ROUNDING
         self.held[:, 2] = extremes[:, 2].min() * (1.0 - SLACK)
+        if not angles:
+            self.held[:, :3] = FREE[:3]
         if "aspect_ratio" in also:
             self.held[:, 3] = float(now.aspect_ratio.max()) ** 2 * (1.0 + SLACK)
         if "shape" in also:
