@@ -297,17 +297,13 @@ class Optimize(_Staged):
                 mend_worst(lanes, xy, best, progress)
         best.settle()
         targets = lanes.targets
-        before, after = self._towards(lanes, mesh, start), self._towards(lanes, mesh, best.xy)
+        was, now = self._towards(lanes, mesh, start), self._towards(lanes, mesh, best.xy)
         return _Found(
             best.xy,
             best.good_enough(),
             best.forbidden,
             start=start,
-            target=Target(
-                kind=targets.kind,
-                before=before,
-                after=after,
-            ),
+            target=Target(kind=targets.kind, before=was, after=now),
             layers=float(targets.is_layer.mean()),
         )
 
