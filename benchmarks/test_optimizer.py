@@ -11,6 +11,7 @@ from qsmooth import examples, limits, smooth, untangle
 from qsmooth.engine import threads_for
 from qsmooth.kernels._jit import use_threads
 from qsmooth.kernels.blocks import build_blocks
+from qsmooth.kernels.mapped_sweep import Maps, mapped_sweep
 from qsmooth.kernels.newton_sweep import Wall, newton_sweep
 from qsmooth.kernels.stars import NO_VERTEX
 from qsmooth.kernels.untangle_sweep import untangle_sweep
@@ -249,6 +250,26 @@ def test_sweep(benchmark, mesh, note, name, threads):
     with use_threads(threads):
         case.by_blocks()
         benchmark(case.by_blocks)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_mapped_sweep(benchmark, mesh, note, threads):
+    """A sweep towards targets with a direction, here none: the cost of the maps."""
+    case = Case(mesh, 0.0)
+    ones, zeros = np.ones(case.blocks.cells.size), np.zeros(case.blocks.cells.size)
+    wall, maps = Wall(WEIGHT, THRESHOLD, SQUARINGS), Maps(ones, zeros, ones)
+    rest = case.held, case.rows, maps, case.moves
+
+    def run():
+        xy = mesh.xy.copy()
+        for _ in range(SWEEPS):
+            mapped_sweep(xy, case.blocks, case.all, 1.7, wall, *rest)
+        return xy
+
+    note(mesh, threads, sweeps=SWEEPS)
+    with use_threads(threads):
+        np.testing.assert_allclose(run(), case.by_blocks(), rtol=0, atol=1e-6 * np.ptp(mesh.xy))
+        benchmark(run)
 
 
 # ------------------------------------------------------------------------------- whole calls

@@ -63,7 +63,21 @@ def quality_gate(said, folder):
     assert not (folder / "notched.off").exists()
 
 
+def metric_field(said, folder):
+    for kind, least in (("quads", 0.88), ("triangles", 0.76)):
+        own = said[said.index(f"{kind}:") :]
+        before, after = map(float, re.search(r"metric ([\d.]+) -> ([\d.]+)", own).groups())
+        assert after > max(least, before + 0.2)
+        rows = re.findall(r"(\d+) cells on the shock, .* width ([\d.]+) of", own)[:2]
+        assert int(rows[1][0]) > 4 * int(rows[0][0])
+        assert float(rows[1][1]) == pytest.approx(1.0, abs=0.2)
+        mesh = quality(read_mesh(folder / f"shock-{kind}.vtk"))
+        assert mesh.n_invalid == 0
+        assert mesh.aspect_ratio.max() > 30.0
+
+
 CHECKS = {
+    "metric_field": (metric_field, 0),
     "moving_boundary": (moving_boundary, 0),
     "quality_gate": (quality_gate, 1),  # one mesh is refused
     "smooth_file": (smooth_file, 0),

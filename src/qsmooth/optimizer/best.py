@@ -46,6 +46,8 @@ class Figures:
         1st percentile of the cells' smallest angle, in degrees.
     resized
         Mean over the cells of γ |log τ|, τ the area over its target, γ how much that counts.
+    energy
+        Mean energy of the cells towards their targets, size included.
     """
 
     free_jacobian: float
@@ -55,6 +57,7 @@ class Figures:
     least_shape: float
     low_angle: float
     resized: float
+    energy: float
 
     @property
     def overall(self) -> float:
@@ -104,6 +107,8 @@ class Best:
     ) -> None:
         self.lanes, self.progress = lanes, progress
         self._mean_loss, self._enough = mean_loss, enough
+        # A metric asks for angles of its own: towards it only the energy tells what is better.
+        self._by_energy = lanes.targets.kind == "metric"
         self.updates = 0
         self._given_xy, self.xy = xy.copy(), xy.copy()
         self.given = self.figures = self.last = self.measure(xy)
@@ -122,7 +127,7 @@ class Best:
         self.best_shape = max(self.best_shape, now.shape)
         affordable = self.affords(now)
         # What was the best may have become too dear meanwhile.
-        better = now.shape > self.figures.shape if by_mean else now.better(self.figures)
+        better = now.shape > self.figures.shape if by_mean else self._better(now)
         better |= not self.affords(self.figures)
         fewer = now.n_invalid < self.figures.n_invalid
         # Cells that nothing can mend keep no others from getting better.
@@ -133,6 +138,11 @@ class Best:
         elif not affordable and no_more:
             self._too_dear = max(self._too_dear, now.free_jacobian)
         return now
+
+    def _better(self, now: Figures) -> bool:
+        if self._by_energy:
+            return now.energy < self.figures.energy
+        return now.better(self.figures)
 
     def offer_overall(self, xy: FloatArray, floor: float) -> bool:
         """Keep coordinates if they are better overall, at a mean shape of `floor` or more.
@@ -174,6 +184,8 @@ class Best:
 
     def affords(self, now: Figures) -> bool:
         """Whether neither the mean shape nor the sizes have lost more than is allowed."""
+        if self._by_energy:
+            return True  # there are no worst cells that shape is given up for
         return now.shape >= self.floor() and now.resized <= self._most_resized
 
     def limit_sizes(self) -> None:
@@ -189,7 +201,10 @@ class Best:
     def settle(self) -> None:
         """Go back to the coordinates given where nothing of them was to gain."""
         fewer = self.figures.n_invalid < self.given.n_invalid
-        if self.figures.gain(self.given) < LEAST_GAIN and not fewer:
+        gain = self.figures.gain(self.given)
+        if self._by_energy:
+            gain = 1.0 - self.figures.energy / self.given.energy
+        if gain < LEAST_GAIN and not fewer:
             self.xy, self.figures = self._given_xy, self.given
 
     @property
@@ -202,12 +217,14 @@ class Best:
     def measure(self, xy: FloatArray) -> Figures:
         """Measure coordinates, (n, 2)."""
         quality = self.lanes.quality(xy)
+        badness, energy = self.lanes.energy(xy)
         shape = 1.0 / self.lanes.worst_shape(xy)
         return Figures(
-            free_jacobian=1.0 / float(self.lanes.energy(xy)[0].max(initial=1.0)),
+            free_jacobian=1.0 / float(badness.max(initial=1.0)),
             shape=float(shape.mean()),
             least_shape=float(shape.min()),
             low_angle=float(np.percentile(quality.min_angle, LOW)),
+            energy=float(energy.mean()),
             plain_shape=float(np.mean(quality.shape)),
             n_invalid=quality.n_invalid,
             resized=self._resized(quality),

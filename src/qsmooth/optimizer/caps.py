@@ -54,8 +54,11 @@ class Caps:
         self.swept = self.held[:, :ALWAYS].copy()
         self.lost = np.zeros(topology.n_cells, np.bool_)
 
-    def hold(self, xy: FloatArray, also: Collection[str] = ()) -> None:
-        """From now on let nothing get worse than the worst of its region at these coordinates."""
+    def hold(self, xy: FloatArray, also: Collection[str] = (), *, angles: bool = True) -> None:
+        """From now on let nothing get worse than the worst of its region at these coordinates.
+
+        That is angles and the scaled Jacobian, unless `angles` is false, and what is listed.
+        """
         of_vertices, of_cells = self.regions
         self.lost = (of_cells >= 0) & self._set_none(xy)
         counts = (of_cells >= 0) & ~self.lost
@@ -69,7 +72,7 @@ class Caps:
         # The last row is of what is in no region. A region may have none but lost cells.
         worst[~np.isfinite(worst[:, 0])] = FREE
         for k, name in enumerate(HELD):
-            if name in HOLDABLE and name not in also:
+            if (name not in also) if name in HOLDABLE else not angles:
                 worst[:, k] = FREE[k]
         self._worst, self._strict = worst, with_slack(worst, 0.5)
         self.held = with_slack(worst, 1.0)[of_vertices]

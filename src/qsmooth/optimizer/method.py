@@ -42,7 +42,7 @@ from qsmooth.targets import (
 # Squares are taken where the mean shape is better by this factor: ties would hang on last digits.
 CLEARLY = 1.01
 # A metric that is a function of places is asked again where the cells have come to, so often at
-# most, and until the mean target of the areas changes by less than this fraction.
+# most, and until the mean target of areas and directions changes by less than this fraction.
 ASKINGS, ASKED = 8, 1e-2
 # Where no more than this share of the cells is invalid the mesh still says what it is meant to be.
 FEW_INVALID = 0.01
@@ -105,6 +105,15 @@ def parse_target(given: Any) -> Any:
 def _brief(given: Any) -> str:
     shape = getattr(given, "shape", None)
     return repr(given) if shape is None else f"an array of the shape {shape}"
+
+
+def _change(old: Targets, new: Targets) -> float:
+    """Mean relative change of the target areas, or of the maps where that is larger."""
+    change = float(np.abs(np.log(new.area / old.area)).mean())
+    if old.maps is not None and new.maps is not None:
+        lengths = [np.abs(maps).max(axis=1) for maps in (new.maps - old.maps, old.maps)]
+        change = max(change, float((lengths[0] / lengths[1]).mean()))
+    return change
 
 
 @dataclass
@@ -213,7 +222,9 @@ class Optimize(_Staged):
     Jacobian, nor in what `hold` adds: no move is taken that makes a corner or cell worse than the
     worst was. The worst cells may cost a share `mean_loss` of the best mean quality; what else got
     worse, and for what, the outcome says. An invalid mesh is untangled first; then the untangled
-    mesh is what counts. The history has a record for each round of ten sweeps.
+    mesh is what counts. A metric asks for angles of its own: towards it only validity is kept, and
+    what `hold` lists, and there are no worst cells to see to. The history has a record for each
+    round of ten sweeps.
 
     Notes
     -----
@@ -282,26 +293,23 @@ class Optimize(_Staged):
                 meant = xy.copy()  # untangling may move far more than what is invalid
             with progress.stage(Aim.UNTANGLE):
                 untangle(ground, xy, progress)
-        lanes.caps.hold(xy, self.hold)
+        lanes.caps.hold(xy, self.hold, angles=not self._by_metric)
         start = xy.copy()
         with progress.stage(Aim.MEAN_SHAPE):
             best, xy = self._improved(lanes, mesh, xy, meant, progress)
-        if self.worst and not best.good_enough():
+        if self.worst and not self._by_metric and not best.good_enough():
             with progress.stage(Aim.WORST_CELLS):
                 mend_worst(lanes, xy, best, progress)
         best.settle()
         targets = lanes.targets
+        was, now = self._towards(lanes, mesh, start), self._towards(lanes, mesh, best.xy)
         return _Found(
             best.xy,
             best.good_enough(),
             best.forbidden,
             self._kept(lanes, start, best, progress),
             start=start,
-            target=Target(
-                kind=targets.kind,
-                before=float((1.0 / lanes.worst_shape(start)).mean()),
-                after=float((1.0 / lanes.worst_shape(best.xy)).mean()),
-            ),
+            target=Target(kind=targets.kind, before=was, after=now),
             layers=float(targets.is_layer.mean()),
         )
 
@@ -313,10 +321,21 @@ class Optimize(_Staged):
 
         if progress.spent() or best.good_enough():
             return ()
-        lanes.caps.hold(start, self.hold)
+        lanes.caps.hold(start, self.hold, angles=not self._by_metric)
         worst = lanes.energy(best.xy)[0].max(initial=1.0)
         threshold = LAST_WALL * float(worst) if self.worst else np.inf
         return kept_from_better(lanes, best.xy, Wall(1.0, threshold, 6))
+
+    def _towards(self, lanes: Lanes, mesh: Mesh, xy: FloatArray) -> float:
+        """Mean quality of coordinates towards what is meant; a function is asked where they are."""
+        if callable(self.target):
+            lanes.aim_at(self._given(mesh, xy))
+        return float((1.0 / lanes.worst_shape(xy)).mean())
+
+    @property
+    def _by_metric(self) -> bool:
+        """Whether a metric says what is meant: it asks for angles of its own."""
+        return not isinstance(self.target, str) and (callable(self.target) or self.target.ndim == 3)
 
     def _improved(
         self, lanes: Lanes, mesh: Mesh, start: FloatArray, meant: FloatArray, progress: Progress
@@ -332,7 +351,7 @@ class Optimize(_Staged):
             for _ in range(ASKINGS):
                 _, old, best, xy = runs[-1]
                 new = self._given(mesh, best.xy)
-                if progress.spent() or np.abs(np.log(new.area / old.area)).mean() < ASKED:
+                if progress.spent() or _change(old, new) < ASKED:
                     break
                 best, xy = self._aimed(lanes, new, best.xy, progress)
                 runs = [(best.figures.plain_shape, new, best, xy)]
