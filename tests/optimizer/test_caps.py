@@ -188,6 +188,17 @@ def test_hopeless_cells_set_no_cap_and_veto_nothing(kind, hold):
         assert after.min_angle[others].min() > before.min_angle[others].min() + 3.0
 
 
+@pytest.mark.nojit
+@pytest.mark.parametrize("n", [2, 3])
+def test_where_every_vertex_is_one_of_a_hopeless_cell(n):
+    # Of the two-by-two grid the only one; of the other all four, in cells at its corners.
+    points, cells = grid(n, n)
+    corners = [0, n, n * (n + 1), (n + 1) ** 2 - 1]
+    points[corners] = points[[1, n - 1, n * (n + 1) + 1, (n + 1) ** 2 - 2]]
+    result = promises.check(Mesh(points, cells), Optimize(max_sweeps=60)).result
+    assert result.after.n_invalid == 4
+
+
 def test_the_worst_cells_are_mended_beside_a_doublet():
     points, (quads,) = grid(9, 9)
     rng = np.random.default_rng(5)
@@ -336,6 +347,12 @@ def test_a_vertex_that_is_told_of_would_gain_and_break_what_is_held():
             if new.max_angle[held.cell] > held.value and not after.is_fixed[v]:
                 gains.append((1.0 / old.shape[star] - 1.0 / new.shape[star]).sum())
     assert max(gains) > 0.0
+
+
+@pytest.mark.parametrize("hold", [(), HOLDABLE])
+def test_what_is_held_and_told_has_the_same_bits_on_two_threads(hold):
+    for mesh in (with_hopeless_cell("mixed"), settled_but_far_from_the_worst(3)):
+        promises.bits_are_the_same(mesh, Optimize(hold=hold, target="ideal"))
 
 
 def test_a_limit_of_the_caller_is_told_instead_of_what_is_held():

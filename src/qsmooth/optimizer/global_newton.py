@@ -86,6 +86,8 @@ class GlobalNewton:
         """
         from qsmooth.kernels.shape_hessian import assemble
 
+        if not self.vertices.size:
+            return 0.0
         assemble(
             xy, *self.topology.cells, self.unknown, self.offsets, self.columns,
             *self._targets, self._gradient, self._values,

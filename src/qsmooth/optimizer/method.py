@@ -319,7 +319,7 @@ class Optimize(_Staged):
         """Say where what is held kept a run that was not cut short from something better."""
         from qsmooth.kernels.newton_sweep import Wall
 
-        if progress.spent() or best.good_enough():
+        if progress.stop is not None or best.good_enough():
             return ()
         lanes.caps.hold(start, self.hold, angles=not self._by_metric)
         worst = lanes.energy(best.xy)[0].max(initial=1.0)

@@ -23,7 +23,7 @@ MOST_LOCAL, MOST_GROWN = 0.25, 0.1
 # Sweeps without any progress after which untangling gives up, near tangles and on the whole mesh;
 # and the most sweeps near tangles, for each ring: the farther a change goes the longer it takes.
 WAIT, PATIENCE = 20, 400
-MOST_SWEEPS = 40
+MOST_SWEEPS = 20
 # Sweeps of the logarithmic mean that makes the local size smooth.
 SIZE_RINGS = 3
 # Rounds of looking for places that mend more cells, and rounds of these without gain after which
