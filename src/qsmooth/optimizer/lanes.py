@@ -12,7 +12,7 @@ from qsmooth.engine import Engine
 from qsmooth.kernels.stars import Moves, Rings, Stars
 from qsmooth.metrics import Quality, Validity
 from qsmooth.optimizer.progress import Progress
-from qsmooth.targets import Targets, ideal
+from qsmooth.targets import Targets, beside_others, ideal
 from qsmooth.topology import Topology
 
 if TYPE_CHECKING:
@@ -30,7 +30,8 @@ SLIMMER, LEAST_SLIM = 1.2, 1.5
 # While the worst cells are seen to, sizes count this much more in layers: else their heights drift.
 LAYER_WEIGHT = 3.0
 # And this much where layers border on other cells, whose worst angles would be paid with the height
-# of the layer: at the trailing edge of an airfoil 1.9 times of it, and now 1.3.
+# of the layer: at the trailing edge of an airfoil 1.9 times of it, and now 1.3. In triangles of
+# layers too: their smallest angle is their height over their length.
 BORDER_WEIGHT = 100.0
 # Multiple of the Newton step that is tried first: neighbours follow the same way in their turn.
 RELAXATION = 1.7
@@ -152,11 +153,8 @@ class Lanes:
         """Put a wall on each cell's shape, a little beyond what it is now."""
         slim = 1.0 / np.maximum(SLIMMER * self.worst_shape(xy), LEAST_SLIM)
         topology, is_layer, cells = self.topology, self.targets.is_layer, self._blocks.cells
-        beside = np.zeros(topology.n_vertices, np.bool_)
-        beside[topology.cell_vertices[~is_layer[topology.corner_cells]]] = True
-        of_border = beside[topology.cell_vertices]
-        of_border = np.logical_or.reduceat(of_border, topology.cell_offsets[:-1])
-        weight = np.where(of_border, BORDER_WEIGHT, LAYER_WEIGHT)
+        at_stake = beside_others(topology, is_layer) | (topology.cell_sizes == 3)
+        weight = np.where(at_stake, BORDER_WEIGHT, LAYER_WEIGHT)
         weight = np.where(is_layer, weight, 1.0) * self.targets.size_weight
         self._rows = self._rows._replace(slim=slim[cells], size_weight=weight[cells])
 

@@ -29,7 +29,7 @@ says, put together from `sheets`, `triangles` and `sizes`; `algebra` has the sma
 """
 
 from qsmooth.targets.algebra import EQUILATERAL, SQUARE
-from qsmooth.targets.base import Targets, ideal
+from qsmooth.targets.base import Targets, beside_others, ideal
 from qsmooth.targets.given import Metric, from_metric, from_ratios, initial
 from qsmooth.targets.learned import candidates, learned
 from qsmooth.targets.sheets import Sheets
@@ -41,6 +41,7 @@ __all__ = [
     "Metric",
     "Sheets",
     "Targets",
+    "beside_others",
     "candidates",
     "from_metric",
     "from_ratios",

@@ -50,7 +50,7 @@ HEIGHT_MEAN, HEIGHT_MATCH, HEIGHT_PASSES = 64, 8, 2
 HEIGHT_FITS = (8, 1), (3, 0), (2, 0)
 # What varies in other ways counts where it is surely no noise: means over windows along and across
 # that are so many times as large as the noise in them.
-WINDOWS, SURE = ((32, 2), (16, 2), (8, 2), (4, 2)), (3.0, 5.0)
+WINDOWS, SURE = ((32, 2), (16, 2), (8, 2), (4, 2)), (2.0, 4.0)
 # Noise over the root of what a parabola leaves of it, as links share their vertices with those
 # beside them; and noise of matched heights over that of heights.
 PARABOLA, MATCHED = 1.3, 0.4
