@@ -25,7 +25,8 @@ smooth in the coordinates, as nothing may hang on a last digit.
 Everything else is to be a square or an equilateral triangle of any size.
 
 Modules: `base` has the tuple and the ideal, `given` what a caller asks for, `learned` what the mesh
-says, put together from `sheets`, `triangles` and `sizes`; `algebra` has the small matrices.
+says, put together from `sheets`, `rectangles`, `triangles` and `sizes`; `algebra` has the small
+matrices.
 """
 
 from qsmooth.targets.algebra import EQUILATERAL, SQUARE

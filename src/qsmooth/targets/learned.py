@@ -7,6 +7,7 @@ import numpy as np
 from qsmooth._types import FloatArray
 from qsmooth.targets.algebra import rectangle_corners, step
 from qsmooth.targets.base import Targets, beside_others, ideal
+from qsmooth.targets.rectangles import rectangles
 from qsmooth.targets.sheets import Sheets
 from qsmooth.targets.sizes import unit_of
 from qsmooth.targets.triangles import fill_triangles
@@ -52,7 +53,7 @@ def candidates(topology: Topology, xy: FloatArray) -> tuple[Targets, Targets]:
     xy = xy / unit
     sheets = Sheets(topology, xy)
     layer = sheets.layers()
-    log_ratio, log_area = sheets.rectangles() if layer.any() else (np.zeros(layer.size),) * 2
+    log_ratio, log_area = rectangles(sheets) if layer.any() else (np.zeros(layer.size),) * 2
     ratios = sheets.learned_ratios()
     n_quads = sheets.n_quads
     quads, places = sheets.first[:n_quads], sheets.sides[:n_quads]
