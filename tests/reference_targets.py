@@ -56,3 +56,31 @@ def shaken(mesh, amount, seed=3):
     shortest = np.minimum.reduceat(np.hypot(*ends.T), offsets[:-1])
     moves = np.random.default_rng(seed).uniform(-amount, amount, mesh.xy.shape)
     return mesh.with_xy(mesh.xy + moves * shortest[:, None], ~mesh.is_fixed)
+
+
+def ring(n=48, ny=14, first=1e-3, kind="quad"):
+    """Layers round a circle: an O-grid, whose sheets along the wall are closed."""
+    radii = 1.0 + first * (GROWTH ** np.arange(ny + 1.0) - 1) / (GROWTH - 1)
+    angles = 2.0 * np.pi * np.arange(n) / n
+    points = radii[:, None, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    row, i = np.arange(ny)[:, None] * n, np.arange(n)
+    after = (i + 1) % n
+    quads = np.stack([row + i, row + n + i, row + n + after, row + after], axis=-1).reshape(-1, 4)
+    cells = meshes.split(quads, np.ones(len(quads), bool)) if kind == "triangle" else quads
+    return Mesh(points.reshape(-1, 2), cells)
+
+
+def first_heights(mesh, xy):
+    """Heights of the first layers' quads or triangles over the boundary, and which are slim."""
+    heights, slim, top = [], [], mesh.topology
+    for size in (3, 4):
+        first = top.cell_offsets[:-1][top.cell_sizes == size]
+        places = first[:, None] + np.arange(size)
+        rows, k = np.nonzero(top.twins[places] < 0)
+        p = [xy[top.cell_vertices[places[rows, (k + j) % size]]] for j in range(size)]
+        side = p[1] - p[0]
+        length = np.hypot(*side.T)
+        off = [np.abs(side[:, 0] * (q - p[0])[:, 1] - side[:, 1] * (q - p[0])[:, 0]) for q in p[2:]]
+        heights.append(np.mean(off, axis=0) / length)
+        slim.append(length > 5.0 * heights[-1])
+    return np.concatenate(heights), np.concatenate(slim)

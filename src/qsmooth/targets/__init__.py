@@ -25,11 +25,12 @@ smooth in the coordinates, as nothing may hang on a last digit.
 Everything else is to be a square or an equilateral triangle of any size.
 
 Modules: `base` has the tuple and the ideal, `given` what a caller asks for, `learned` what the mesh
-says, put together from `sheets`, `triangles` and `sizes`; `algebra` has the small matrices.
+says, put together from `sheets`, `rectangles`, `triangles` and `sizes`; `algebra` has the small
+matrices.
 """
 
 from qsmooth.targets.algebra import EQUILATERAL, SQUARE
-from qsmooth.targets.base import Targets, ideal
+from qsmooth.targets.base import Targets, beside_others, ideal
 from qsmooth.targets.given import Metric, from_metric, from_ratios, initial
 from qsmooth.targets.learned import candidates, learned
 from qsmooth.targets.sheets import Sheets
@@ -41,6 +42,7 @@ __all__ = [
     "Metric",
     "Sheets",
     "Targets",
+    "beside_others",
     "candidates",
     "from_metric",
     "from_ratios",

@@ -53,6 +53,14 @@ def ideal(topology: Topology) -> Targets:
     )
 
 
+def beside_others(topology: Topology, chosen: BoolArray) -> BoolArray:
+    """Which of the chosen cells, (n_cells,), share a vertex with one that is not chosen."""
+    shared = np.zeros(topology.n_vertices, np.bool_)
+    shared[topology.cell_vertices[~chosen[topology.corner_cells]]] = True
+    at_cells = np.logical_or.reduceat(shared[topology.cell_vertices], topology.cell_offsets[:-1])
+    return np.asarray(at_cells & chosen)
+
+
 def ideal_corners(topology: Topology) -> FloatArray:
     """Coefficients of squares and equilateral triangles at all corners: (n_corners, 3)."""
     is_triangle = topology.cell_sizes[topology.corner_cells] == 3

@@ -17,7 +17,7 @@ from qsmooth.topology import Topology
 AREA_RINGS, NOISE_RINGS = 3, 6
 AREA_TREND = 2.0, 4.0
 # Noise in log areas at which half of what the averages leave is taken away.
-AREA_NOISE = 0.05
+AREA_NOISE = 0.1
 # Added to the noise, so that a mesh of equal cells has no trend.
 LEAST_NOISE = 0.01
 # So small a share of an average counts as none.
