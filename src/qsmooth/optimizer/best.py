@@ -23,6 +23,8 @@ MOST_RESIZED = 0.06
 TINY = 1e-6
 # The percentile that low angles stand for; how much they and the worst shape count beside the mean.
 LOW, LOW_COUNTS, SHAPE_COUNTS = 1.0, 0.3, 0.1
+# While the mean gets back what it can, these keep this fraction of what they have.
+RELAXED = 0.97
 
 
 @dataclass(frozen=True)
@@ -161,6 +163,24 @@ class Best:
         if not enough or self.last.overall < self.figures.overall:
             return False
         self.xy[:], self.figures = xy, self.last
+        return True
+
+    def offer_relaxed(self, xy: FloatArray, least: Figures) -> bool:
+        """Keep coordinates with a better mean shape; low angles and shapes may lose little of these.
+
+        Returns
+        -------
+        bool
+            Whether they are kept.
+        """
+        self.last = now = self.measure(xy)
+        self.lanes.report(xy, self.lanes.quality(xy), self.progress)
+        self.best_shape = max(self.best_shape, now.shape)
+        enough = now.low_angle >= RELAXED * least.low_angle
+        enough &= now.least_shape >= RELAXED * least.least_shape
+        if now.shape <= self.figures.shape or not enough or not self.affords(now):
+            return False
+        self.xy[:], self.figures = xy, now
         return True
 
     def mark(self) -> tuple[FloatArray, Figures]:

@@ -179,17 +179,30 @@ class Lanes:
         worst = worst_around(worst, rings, *self.topology.cells, self.topology.n_vertices)
         self._rows = self._rows._replace(near=(1.0 / worst)[self._blocks.cells])
 
-    def _ask(self, size_weight: FloatArray, slim: FloatArray) -> None:
+    def weigh_good(self, xy: FloatArray) -> None:
+        """Let each cell's shape energy f count by 1 / f² at these coordinates.
+
+        Then the energy falls as the mean of 1 / f, the mean shape, rises; else bad cells count for
+        more. Walls on shapes stay where they are.
+        """
+        size_weight, slim = self._asked
+        self._ask(size_weight, slim, self.worst_shape(xy) ** -2)
+
+    def _ask(
+        self, size_weight: FloatArray, slim: FloatArray, weight: FloatArray | None = None
+    ) -> None:
         """Put together what is asked of the cells around each vertex."""
         from qsmooth.kernels.blocks import make_rows
 
         cells, targets = self._blocks.cells, self.targets
+        weight = np.ones(slim.size) if weight is None else weight
+        self._asked = size_weight, slim
         self._rows = make_rows(
             self._blocks,
-            targets.corners[self._row_corners],
+            targets.corners[self._row_corners] * weight[cells, None],
             targets.area[cells],
             size_weight[cells],
-            slim[cells],
+            (slim / weight)[cells],
         )
 
     def worst_shape(self, xy: FloatArray) -> FloatArray:

@@ -41,7 +41,7 @@ LAST_WALLS, LOOSER = 3, 2.0
 EVEN_WALLS, EVEN_RINGS, EVEN_ROUNDS, EVEN_LOSS, EVEN_SLIM = 2, 10, 2, 5e-3, 0.8
 # Rounds at most in which the mean gets back what the worst cells do not need, what a round must
 # gain for another, and how much the mean counts beside the wall.
-RELAX_ROUNDS, RELAX_GAIN, RELAX_WEIGHT = 12, 1e-3, 32.0
+RELAX_ROUNDS, RELAX_GAIN, RELAX_WEIGHT = 12, 1e-4, 32.0
 
 
 def improve_mean(
@@ -116,6 +116,7 @@ def mend_worst(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> 
     lanes.caps.hold(best.xy, HOLDABLE)
     xy[:] = best.xy
     _even_out(lanes, xy, best, progress)
+    lanes.caps.hold(best.xy, HOLDABLE)
     xy[:] = best.xy
     _relax(lanes, xy, best, progress)
 
@@ -160,16 +161,17 @@ def _relax(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> None
     """Give the mean back what it can have without the worst cells getting worse again."""
     from qsmooth.kernels.newton_sweep import Wall
 
-    energy = _total(lanes.energy(xy)[1])
+    start, shape = best.figures, best.figures.shape
     for _ in range(RELAX_ROUNDS):
         if progress.spent():
             break
+        lanes.weigh_good(xy)
         # Walls where the worst corners are: by caps alone vertices would be stopped one by one.
         lanes.measure_near(xy, EVEN_RINGS)
         lanes.newton(xy, Wall(RELAX_WEIGHT, 1.0, WALLS[-1][0]), progress)
-        before, energy = energy, _total(lanes.energy(xy)[1])
-        better = best.offer_overall(xy, best.floor())
-        if not better or energy >= before * (1.0 - RELAX_GAIN):
+        better = best.offer_relaxed(xy, start)
+        before, shape = shape, best.last.shape
+        if not better or shape < before + RELAX_GAIN:
             break
 
 
