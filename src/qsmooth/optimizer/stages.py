@@ -41,7 +41,7 @@ LAST_WALLS, LOOSER = 3, 2.0
 EVEN_WALLS, EVEN_RINGS, EVEN_ROUNDS, EVEN_LOSS, EVEN_SLIM = 2, 10, 2, 5e-3, 0.8
 # Rounds at most in which the mean gets back what the worst cells do not need, what a round must
 # gain for another, and how much the mean counts beside the wall.
-RELAX_ROUNDS, RELAX_GAIN, RELAX_WEIGHT = 12, 1e-4, 32.0
+RELAX_ROUNDS, RELAX_GAIN, RELAX_WEIGHT = 12, 1e-4, 8.0
 
 
 def improve_mean(
