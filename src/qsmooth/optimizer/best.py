@@ -194,6 +194,11 @@ class Best:
             return True
         return new.free_jacobian * new.least_shape > old.free_jacobian * old.least_shape
 
+    def start_again(self, mark: tuple[FloatArray, Figures]) -> None:
+        """Go back to what was kept, and forget what would have been too dear since."""
+        self.back_to(mark)
+        self._too_dear = 0.0
+
     def back_to(self, mark: tuple[FloatArray, Figures]) -> None:
         """Take what was kept for the best."""
         self.xy[:], self.figures = mark

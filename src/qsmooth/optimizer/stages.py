@@ -31,11 +31,11 @@ KEPT_BACK = 2e-2
 # the worst corner's badness. At the last it stands so near the worst corner that all others can go
 # back to where the mean shape is best.
 WALLS = ((2, 0.7), (3, 0.8), (4, 0.85), (5, 0.9), (6, 0.9), (6, 0.95))
-# Rounds without a better result after which the next wall is put up; more where there are layers,
-# whose angles get better by and by.
-WALL_PATIENCE, LAYER_PATIENCE = 1, 2
+# Rounds without a worst corner better by this after which the next wall is put up; more rounds where
+# there are layers, whose angles get better by and by.
+WALL_PATIENCE, LAYER_PATIENCE, WALL_GAIN = 1, 2, 2e-4
 # The last walls are put up once more with walls on the shapes that stand this much farther back.
-LAST_WALLS, LOOSER = 3, 2.0
+LAST_WALLS, LOOSER = 3, 3.0
 # Then these walls stand by the worst cell of so many rings, for so many rounds each; they may cost
 # the mean this fraction; and no shape is to be worse than this multiple of the worst one.
 EVEN_WALLS, EVEN_RINGS, EVEN_ROUNDS, EVEN_LOSS, EVEN_SLIM = 2, 10, 2, 5e-3, 0.8
@@ -103,12 +103,18 @@ def mend_worst(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> 
     Parameters are those of `improve_mean`.
     """
     best.limit_sizes()
+    start = best.mark()
+    first = xy.copy()
     lanes.wall_off(xy)
     _push(lanes, xy, best, progress, WALLS)
-    strict = best.mark()
+    strict, walls = best.mark(), WALLS[-LAST_WALLS:]
     xy[:] = best.xy
+    if best.forbidden is not None:
+        # The walls on shapes cost the mean more than it affords: once more without them.
+        walls, xy[:] = WALLS, first
+        best.start_again(start)
     lanes.wall_off(xy, looser=LOOSER)
-    _push(lanes, xy, best, progress, WALLS[-LAST_WALLS:])
+    _push(lanes, xy, best, progress, walls)
     if not best.pays_since(strict):
         best.back_to(strict)
     if best.good_enough() or lanes.targets.is_layer.any():
@@ -127,18 +133,20 @@ def _push(
     """Put these walls up one after the other."""
     from qsmooth.kernels.newton_sweep import Wall
 
-    weight = 1.0
+    weight, seen = 1.0, best.figures.free_jacobian
     most = LAYER_PATIENCE if lanes.targets.is_layer.any() else WALL_PATIENCE
     for squarings, share in walls:
-        patience, updates = most, best.updates
+        patience = most
         while patience and not progress.spent() and not best.good_enough():
             worst = _largest(lanes.energy(xy)[0])
             lanes.newton(xy, Wall(weight, share * worst, squarings), progress)
             now = best.offer(xy)
             # Mean and sizes count for more where the wall has cost them more than is allowed.
-            weight = max(1.0, 0.5 * weight) if best.affords(now) else 2.0 * weight
-            patience = most if best.updates > updates else patience - 1
-            updates = best.updates
+            affordable = best.affords(now)
+            weight = max(1.0, 0.5 * weight) if affordable else 2.0 * weight
+            gains = affordable and now.free_jacobian > seen + WALL_GAIN
+            patience = most if gains else patience - 1
+            seen = max(seen, now.free_jacobian) if affordable else seen
 
 
 def _even_out(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> None:
