@@ -214,3 +214,19 @@ def test_the_mean_shape_gains_where_weighed_where_the_energy_has_settled():
         lanes.weigh_good(xy)
         lanes.newton(xy, NO_WALL, progress)
     assert quality(mesh.with_points(xy)).shape.mean() > settled + 1e-4
+
+
+def test_cells_that_stay_invalid_are_no_trouble():
+    mesh = random_mesh("mixed", 5, seed=1, amount=0.7).mesh
+    points = mesh.points.copy()
+    a, b = mesh.cells[0][0][:2]
+    points[a] = points[b]
+    mesh = mesh.with_points(points)
+    lanes = lanes_of(mesh)
+    lanes.caps.hold(mesh.xy)
+    lanes.wall_off(mesh.xy)
+    lanes.weigh_good(mesh.xy)
+    lanes.measure_near(mesh.xy, 2)
+    assert np.isinf(lanes.worst_shape(mesh.xy)).any()
+    for values in lanes._rows[1:]:
+        assert np.isfinite(values).all()

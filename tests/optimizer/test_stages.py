@@ -72,8 +72,8 @@ def no_worse(old, new):
 
 
 def bad_corners_that_stay():
-    """A lake: the worst corners are of its shore, which is fixed."""
-    return examples.lake(2000)
+    """Triangles at random: of some the boundary has all vertices but one."""
+    return examples.random_triangles(2000)
 
 
 def test_where_the_worst_can_gain_no_more_the_next_worst_get_their_turn(monkeypatch):
