@@ -80,13 +80,16 @@ def value(x) -> float:
 
 
 class Asked:
-    """What is asked of one cell: a target a corner, by vertex; area, its weight, the wall on f; and
-    the symmetric matrix that edges are multiplied by before f is taken.
+    """What is asked of one cell: a target a corner, by vertex; area, its weight, the wall on f; the
+    symmetric matrix that edges are multiplied by before f is taken; and what the threshold of the
+    wall on g is divided by.
     """
 
-    def __init__(self, targets, area=None, weight=0.0, slim=0.0, map_=((1.0, 0.0), (0.0, 1.0))):
+    def __init__(
+        self, targets, area=None, weight=0.0, slim=0.0, map_=((1.0, 0.0), (0.0, 1.0)), near=1.0
+    ):
         self.targets, self.area, self.weight, self.slim = targets, area, weight, slim
-        self.map = np.array(map_)
+        self.map, self.near = np.array(map_), near
 
     def mapped(self, u):
         return tuple(float(a) * u[0] + float(b) * u[1] for a, b in self.map)
@@ -121,6 +124,7 @@ def random_asked(cells, rng, *, maps=False):
             weight=rng.uniform(0.1, 3.0) if sized else 0.0,
             slim=rng.choice([0.0, 0.3, 0.7]),
             **({"map_": random_map(rng)} if maps else {}),
+            near=rng.uniform(0.5, 1.0),
         )
     return asked
 
@@ -243,21 +247,27 @@ def shape_terms(places, cells, only=None, asked=None):
 
 
 def star_energy(places, v, cells, mean_weight, limit, squarings, *, bound=False, asked=None):
-    """Sum of mean_weight · (f and size) + (f slim)^16 + (g / limit)^(2^squarings) around v."""
+    """Sum of mean_weight · (f and size) + (f slim)^16 + (g near / limit)^(2^squarings) around v."""
     fan = reference.fan(v, cells)
-    _, g = terms(places, fan, {v}, bound=bound)
     mean, walls = shape_terms(places, fan, {v}, asked)
-    power = 2**squarings
-    wall = sum((x * (1.0 / limit)) ** power for x in g)
+    wall = sum(corner_walls(places, fan, {v}, limit, squarings, bound=bound, asked=asked))
     return sum(x * mean_weight for x in mean) + sum(walls) + wall
+
+
+def corner_walls(places, cells, only, limit, squarings, *, bound=False, asked=None):
+    """(g near / limit)^(2^squarings) of all corners in which a vertex of `only` takes part."""
+    return [
+        (g * (asked_of(cell, asked).near / limit)) ** 2**squarings
+        for cell in cells
+        for g in terms(places, [cell], only, bound=bound)[1]
+    ]
 
 
 def total_energy(points, cells, movable, mean_weight, limit, squarings, *, asked=None) -> float:
     """The same over all corners that can change, plain numbers."""
     places = [(z.real, z.imag) for z in points]
-    _, g = terms(places, cells, set(movable))
     mean, walls = shape_terms(places, cells, set(movable), asked)
-    wall = math.fsum((x / limit) ** 2**squarings for x in g)
+    wall = math.fsum(corner_walls(places, cells, set(movable), limit, squarings, asked=asked))
     return math.fsum(mean_weight * x for x in mean) + math.fsum(walls) + wall
 
 
@@ -356,6 +366,19 @@ def untangle_sweep(points, cells, order, sizes, epsilon) -> list[complex]:
 
 
 # ------------------------------------------------------------------------------- whole mesh
+
+
+def worst_around(values, cells, rings) -> list[float]:
+    """Largest value among the cells that so many steps from cell to cell across a vertex reach."""
+    found = []
+    for cell in cells:
+        reached = {tuple(cell)}
+        for _ in range(rings):
+            seen = {v for other in reached for v in other}
+            reached = {tuple(other) for other in cells if seen & set(other)}
+        by_cell = zip(cells, values, strict=True)
+        found.append(max(value for other, value in by_cell if tuple(other) in reached))
+    return found
 
 
 def corner_jet(u, w) -> Jet:

@@ -14,11 +14,16 @@ from qsmooth.kernels.blocks import (
     N_QUADS,
     N_TRIANGLES,
     ROWS,
+    SHAPES,
     SIZE,
+    SIZES,
     STAR,
+    WALLS,
     build_blocks,
+    make_rows,
     row_corners,
 )
+from qsmooth.kernels.corner_energy import EQUILATERAL, SQUARE
 from qsmooth.kernels.stars import NO_VERTEX
 
 
@@ -103,3 +108,54 @@ def test_no_movable_vertex_makes_no_block():
     _, (colour_blocks, blocks, vertices, stars, cells, largest) = blocks_of(Mesh(*grid(1, 3)))
     assert colour_blocks[-1] == 0
     assert len(blocks) == vertices.size == stars.size == cells.size == largest == 0
+
+
+# ------------------------------------------------------------------------------- what is asked
+
+
+def asked_of(mesh):
+    """Blocks of a mesh, and what asks for nothing but ideal shapes."""
+    _, blocks = blocks_of(mesh)
+    is_triangle = mesh.topology.cell_sizes[blocks.cells] == 3
+    shapes = np.where(is_triangle[:, None], EQUILATERAL, SQUARE)
+    return blocks, (shapes, *np.zeros((3, is_triangle.size)))
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("kind", ["quads", "triangles", "mixed"])
+def test_ideal_shapes_of_any_size_ask_for_nothing(kind):
+    blocks, asked = asked_of(random_mesh(kind, 5, seed=1).mesh)
+    rows = make_rows(blocks, *asked)
+    assert not rows.asks.any()
+    assert rows.asks.size == len(blocks.table)
+    assert (rows.near == 1.0).all()
+    assert rows.near.size == blocks.cells.size
+
+
+@pytest.mark.nojit
+def test_a_block_asks_for_what_one_of_its_rows_does():
+    blocks, (shapes, area, weight, slim) = asked_of(random_mesh("mixed", 6, seed=1).mesh)
+    starts = blocks.table[:, ROWS].astype(int)
+    assert len(starts) > 6
+    area[:], last = 2.0, blocks.cells.size - 1
+    shapes[starts[1] + 1] *= 1.5
+    weight[starts[2]] = 0.3
+    slim[starts[3] - 1], slim[last] = 0.7, 0.4
+    rows = make_rows(blocks, shapes, area, weight, slim)
+    expected = np.zeros(len(starts), int)
+    expected[[1, 2]] = SHAPES, SIZES | WALLS
+    expected[-1] = WALLS
+    assert rows.asks.tolist() == expected.tolist()
+    assert np.array_equal(np.stack([rows.m11, rows.m12, rows.m22], axis=1), shapes)
+    assert rows.slim is slim
+    # Areas that do not count are none.
+    assert np.flatnonzero(rows.area).tolist() == [starts[2]]
+    assert rows.inv_area[starts[2]] == 0.5
+    assert not np.delete(rows.inv_area, starts[2]).any()
+
+
+@pytest.mark.nojit
+def test_where_no_vertex_moves_nothing_is_asked():
+    blocks, asked = asked_of(Mesh(*grid(1, 3)))
+    rows = make_rows(blocks, *asked)
+    assert rows.asks.size == rows.m11.size == rows.near.size == 0

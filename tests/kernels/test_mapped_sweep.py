@@ -27,6 +27,7 @@ def sweep(mesh, energy, asked, *, xy=None, threads=1, held=FREE):
     owns = [slow.asked_of(lists[c], asked) for c in blocks.cells.tolist()]
     shapes = np.array([own.targets[v] for v, own in zip(vertices, owns, strict=True)])
     rest = np.array([(own.area or 0.0, own.weight, own.slim) for own in owns]).T.copy()
+    near = np.array([own.near for own in owns])
     maps = np.array([own.map[[0, 0, 1], [0, 1, 1]] for own in owns]).T.copy()
     xy = (mesh.xy if xy is None else xy).copy()
     with use_threads(threads):
@@ -37,7 +38,7 @@ def sweep(mesh, energy, asked, *, xy=None, threads=1, held=FREE):
             1.7,
             newton_sweep.Wall(float(energy[0]), float(energy[1]), energy[2]),
             np.tile(held, (mesh.n_vertices, 1)),
-            make_rows(blocks, shapes, *rest),
+            make_rows(blocks, shapes, *rest)._replace(near=near),
             mapped_sweep.Maps(*maps),
             np.full(blocks.vertices.size, np.nan),
         )
@@ -88,7 +89,8 @@ def derivatives(xy, n_sides, maps):
     mapped_sweep.map_places(star, s, lanes.ROW0, n_sides - 1, 1, rows, 0, mapped)
     add = add_walled_quad if n_sides == 4 else add_walled_triangle
     shapes = (one, 0.0 * one, one)
-    add(mapped, own, lanes.ROW0, 1, shapes, 0, 0.5 * one, 0, Terms(1.0, 0.0, 1, 2.0))
+    walls = 0.5 * one, one
+    add(mapped, own, lanes.ROW0, 1, shapes, 0, walls, 0, Terms(1.0, 0.0, 1, 2.0))
     mapped_sweep.take_back(own, 1, rows, 0, s)
     hessian = np.array([[s[lanes.HXX], s[lanes.HXY]], [s[lanes.HXY], s[lanes.HYY]]])
     return s[lanes.ENERGY], np.array([s[lanes.GX], s[lanes.GY]]), hessian

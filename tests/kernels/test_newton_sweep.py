@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 import reference
 import reference_optimizer as slow
 from meshes import KINDS, fan, grid, place, random_mesh, random_meshes
-from qsmooth import Mesh, Validity, quality
-from qsmooth.kernels import cell_energy as cell_kernels
+from qsmooth import Mesh, quality
 from qsmooth.kernels import lanes, newton_sweep, star_trials
 from qsmooth.kernels import star_energy as star_kernels
 from qsmooth.kernels._jit import use_threads
@@ -45,12 +44,12 @@ FREE = (2.0, -2.0, -2.0, 1e300, 1e300, -1e300)
 
 
 def asked_table(vertices, cells, asked):
-    """What is asked of each cell around each vertex: m11, m12, m22, area, weight, slim."""
+    """What is asked of each cell around each vertex: m11, m12, m22, area, weight, slim, near."""
     table = []
     for v, cell in zip(vertices, cells, strict=True):
         own = slow.asked_of(cell, asked)
-        table.append((*own.targets[v], own.area or 0.0, own.weight, own.slim))
-    return np.array(table, float).reshape(-1, 6)
+        table.append((*own.targets[v], own.area or 0.0, own.weight, own.slim, own.near))
+    return np.array(table, float).reshape(-1, 7)
 
 
 def rows_of_blocks(mesh, blocks, asked):
@@ -59,7 +58,8 @@ def rows_of_blocks(mesh, blocks, asked):
     table = asked_table(
         mesh.cell_vertices[corners].tolist(), [cells[c] for c in blocks.cells.tolist()], asked
     )
-    return make_rows(blocks, table[:, :3], *table[:, 3:].T.copy())
+    *rest, near = table[:, 3:].T.copy()
+    return make_rows(blocks, table[:, :3], *rest)._replace(near=near)
 
 
 def sweep(mesh, energy, *, xy=None, threads=1, colours=None, asked=None, held=FREE):
@@ -93,9 +93,9 @@ def lane(mesh, v, asked=None):
     star.reshape(corners.size, 2, LANES)[:, :, 0] = mesh.xy[corners]
     s = np.zeros(lanes.N_ROWS * LANES)
     s[lanes.X], s[lanes.Y] = mesh.xy[v]
-    m11, m12, m22, area, weight, slim = asked_table([v] * len(cells), cells, asked).T.copy()
+    m11, m12, m22, area, weight, slim, near = asked_table([v] * len(cells), cells, asked).T.copy()
     inv_area = np.divide(1.0, area, out=np.zeros(area.size), where=area > 0.0)
-    asks = (m11, m12, m22), (area, inv_area, weight), (slim, np.ones_like(slim))
+    asks = (m11, m12, m22), (area, inv_area, weight), (slim, near)
     return star, s, len(quads), len(triangles), asks
 
 
@@ -472,93 +472,3 @@ def test_a_vertex_of_a_valid_mesh_never_leaves_its_kernel():
         xy, *_ = sweep(mesh, (1.0, math.inf, 1), xy=xy)
         assert quality((xy, [(0, 1, 2), (0, 2, 3), (0, 3, 1)])).n_invalid == 0
     assert xy[0] == pytest.approx((0.0, 0.36), abs=0.1)
-
-
-# ------------------------------------------------------------------------------- cell energy
-
-
-def targets_of(mesh, asked=None):
-    """Targets of all corners; one over the area, and the weight; and the map of each cell."""
-    owns = [(cell, slow.asked_of(cell, asked)) for cell in reference.as_lists(mesh)]
-    targets = [own.targets[v] for cell, own in owns for v in cell]
-    sizes = [(1.0 / own.area if own.area else 0.0, own.weight) for _, own in owns]
-    maps = [own.map[[0, 0, 1], [0, 1, 1]] for _, own in owns] if asked else np.empty((0, 3))
-    return np.array(targets), np.array(sizes), np.array(maps)
-
-
-def cell_energy(mesh, movable, asked=None):
-    worst, total = np.full((2, mesh.n_cells), np.nan)
-    mask = np.zeros(mesh.n_vertices, np.bool_)
-    mask[movable] = True
-    cell_kernels.cell_energy(
-        mesh.xy, *mesh.topology.cells, mask, *targets_of(mesh, asked), worst, total
-    )
-    return worst, total
-
-
-@pytest.mark.nojit
-@pytest.mark.parametrize("kind", ["quads", "triangles", "mixed"])
-def test_cell_energy_agrees_with_the_reference(kind):
-    mesh = random_mesh(kind, 3, seed=11, amount=0.8).mesh
-    movable = some_vertices(mesh, 2)
-    places = mesh.xy.tolist()
-    for asked in (None, asked_of(mesh), asked_of(mesh, maps=True)):
-        worst, total = cell_energy(mesh, movable, asked)
-        for c, cell in enumerate(reference.as_lists(mesh)):
-            _, g = slow.terms(places, [cell], set(movable))
-            f, _ = slow.shape_terms(places, [cell], set(movable), asked)
-            assert worst[c] == pytest.approx(max(g, default=0.0), rel=1e-12)
-            share = 1.0 if len(cell) == 3 else 1.0 / 4.0
-            assert total[c] == pytest.approx(share * math.fsum(f), rel=1e-12)
-
-
-@pytest.mark.nojit
-@pytest.mark.parametrize("kind", ["quads", "triangles", "mixed"])
-def test_worst_shape_is_that_of_the_worst_corner_towards_its_target(kind):
-    mesh = random_mesh(kind, 3, seed=11, amount=0.8).mesh
-    places, found = mesh.xy.tolist(), np.full(mesh.n_cells, np.nan)
-    for asked in (None, asked_of(mesh), asked_of(mesh, maps=True)):
-        targets, _, maps = targets_of(mesh, asked)
-        cell_kernels.worst_shape(mesh.xy, *mesh.topology.cells, targets, maps, found)
-        for c, cell in enumerate(reference.as_lists(mesh)):
-            own = slow.asked_of(cell, asked)
-            energies = [
-                slow.shape_energy(
-                    *map(own.mapped, slow.edges_at(places, cell, i)), own.targets[cell[i]]
-                )
-                for i in range(len(cell))
-            ]
-            assert found[c] == pytest.approx(max(energies), rel=1e-12)
-    targets, _, maps = targets_of(mesh)
-    cell_kernels.worst_shape(mesh.xy, *mesh.topology.cells, targets, maps, found)
-    assert 1.0 / found == pytest.approx(quality(mesh).shape, rel=1e-12)
-
-
-@pytest.mark.nojit
-def test_badness_is_one_over_the_scaled_jacobian():
-    mesh = random_mesh("mixed", 4, seed=12, amount=0.8).mesh
-    worst, _ = cell_energy(mesh, np.arange(mesh.n_vertices))
-    assert worst == pytest.approx(1.0 / quality(mesh).scaled_jacobian, rel=1e-12)
-
-
-@pytest.mark.nojit
-def test_an_invalid_corner_that_can_change_has_infinite_energy():
-    points, cells = grid(2, 2)
-    points[4] = 2.5, 1.0
-    mesh = Mesh(points, cells)
-    worst, total = cell_energy(mesh, [4])
-    invalid = quality(mesh).validity != Validity.VALID
-    assert np.array_equal(np.isinf(worst), invalid)
-    assert np.array_equal(np.isinf(total), invalid)
-    worst, total = cell_energy(mesh, [])
-    assert not worst.any()
-    assert not total.any()
-
-
-@given(st.sampled_from(sorted(KINDS)), st.integers(0, 2**32 - 1), st.sampled_from([1e-9, 1e9]))
-def test_energies_have_no_unit(kind, seed, scale):
-    made = random_mesh(kind, 4, seed=seed, amount=1.0)
-    everyone = np.arange(len(made.points))
-    own = cell_energy(made.mesh, everyone)
-    scaled = cell_energy(made.mesh.with_points(made.points * scale), everyone)
-    np.testing.assert_allclose(scaled, own, rtol=1e-9)

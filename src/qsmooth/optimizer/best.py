@@ -166,7 +166,9 @@ class Best:
         return True
 
     def offer_relaxed(self, xy: FloatArray, least: Figures) -> bool:
-        """Keep coordinates with a better mean shape; low angles and shapes may lose little of these.
+        """Keep coordinates with a better mean shape; low angles and shapes may lose a little.
+
+        That is a little of what `least` has.
 
         Returns
         -------

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 SLIMMER, LEAST_SLIM = 1.2, 1.5
 # No wall on shapes stands nearer than this energy.
 LEAST_CAP = 1.1
+# A cell with a larger shape energy than this, or one that is not valid, counts as one with this.
+FLAT = 1e6
 # While the worst cells are seen to, sizes count this much more in layers: else their heights drift.
 LAYER_WEIGHT = 3.0
 # And this much where layers border on other cells, whose worst angles would be paid with the height
@@ -186,7 +188,7 @@ class Lanes:
         more. Walls on shapes stay where they are.
         """
         size_weight, slim = self._asked
-        self._ask(size_weight, slim, self.worst_shape(xy) ** -2)
+        self._ask(size_weight, slim, np.minimum(self.worst_shape(xy), FLAT) ** -2)
 
     def _ask(
         self, size_weight: FloatArray, slim: FloatArray, weight: FloatArray | None = None
