@@ -168,6 +168,12 @@ class Optimize(_Staged):
     what `hold` lists, and there are no worst cells to see to. The history has a record for each
     round of ten sweeps.
 
+    In Python the target may also be an array: ratios of sides, (n_cells,), of sides 0 and 2 over
+    sides 1 and 3 in the caller's order, for quads only; or metric tensors in 1/length²,
+    (n_vertices, 2, 2), symmetric and positive definite, in the coordinates of `mesh.xy`: edges e
+    with eᵀ M e = 1 are as long as is meant. Or a function of places that gives such tensors,
+    (k, 2) → (k, 2, 2), which is asked again where the cells have come to.
+
     Notes
     -----
     Mean ratio: P. M. Knupp, "Algebraic mesh quality metrics", SIAM J. Sci. Comput. 23 (2001).
