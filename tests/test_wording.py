@@ -74,6 +74,15 @@ UNTANGLED = Outcome(
             "improved the mean shape in 20 sweeps and 1 Newton step on the whole mesh; "
             "the worst cell reached stop_quality=0.6",
         ),
+        (
+            replace(
+                STAGED,
+                stop=Stop.MAX_SWEEPS,
+                stages=(STAGED.stages[0], Stage(aim=Aim.WORST_CELLS, sweeps=0)),
+            ),
+            "improved the mean shape in 20 sweeps and 1 Newton step on the whole mesh; "
+            "stopped after 20 sweeps, as max_sweeps says",
+        ),
         (UNTANGLED, "untangled 4 cells in 3 sweeps"),
         (
             replace(UNTANGLED, stages=(), invalid=None, unchanged=True),
@@ -159,13 +168,23 @@ def test_what_became_of_sizes_and_of_the_target():
         "and were kept"
     )
     assert "layers" not in reason(replace(told, sizes=replace(sizes, layers=0.0)))
+    for layers, words in {
+        0.001: "0.1 % of the cells",
+        0.9297: "93 % of the cells",
+        0.998: "over 99 % of the cells",
+        1.0: "all cells",
+    }.items():
+        text = reason(replace(told, sizes=replace(sizes, layers=layers)))
+        assert text.endswith(f"; {words} are layers and were kept")
+    large = replace(sizes, area_low=1e-4, area_high=15115.8)
+    assert "cell areas x 0.0001 to 1.5e+04;" in reason(replace(told, sizes=large))
     # Once is enough.
     trade = Trade(figure="min_edge", before=0.5, after=0.25)
     assert reason(replace(told, trades=(trade,))).count("shortest edge") == 1
     assert "cell areas" not in reason(replace(told, unchanged=True))
     assert "target" not in reason(replace(told, target=Target(kind="ideal", before=0.7, after=0.9)))
     for kind, words in {
-        "squares": "squares beside layers and gradings as they are",
+        "squares": "ideal shapes beside layers and gradings as they are",
         "ratios": "rectangles",
         "initial": "the cells as they were, with right angles",
         "metric": "the metric",

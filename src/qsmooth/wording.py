@@ -19,7 +19,7 @@ _FIGURES: dict[str, tuple[str, str]] = {
     "target": ("mean quality towards the target", "{:.3f}"),
 }
 _TARGETS = {
-    "squares": "squares beside layers and gradings as they are",
+    "squares": "ideal shapes beside layers and gradings as they are",
     "ratios": "rectangles",
     "initial": "the cells as they were, with right angles",
     "metric": "the metric",
@@ -80,6 +80,8 @@ def _improved(stage: Stage, _: Outcome) -> str:
 
 
 def _mended(stage: Stage, _: Outcome) -> str:
+    if not stage.sweeps:
+        return ""
     return f"then the worst cells in {plural(stage.sweeps, 'sweep')}"
 
 
@@ -138,12 +140,24 @@ def _sizes(sizes: Sizes | None, trades: tuple[Trade, ...]) -> list[str]:
     """What became of the cells' sizes; of a shorter edge the trade tells."""
     if sizes is None:
         return []
-    said = [f"cell areas x {sizes.area_low:.2f} to {sizes.area_high:.2f}"]
+    said = [f"cell areas x {_factor(sizes.area_low)} to {_factor(sizes.area_high)}"]
     if all(trade.figure != "min_edge" for trade in trades):
         said.append(_change("min_edge", sizes.min_edge_before, sizes.min_edge_after))
     if sizes.layers:
-        said.append(f"{100.0 * sizes.layers:.2g} % of the cells are layers and were kept")
+        said.append(f"{_share(sizes.layers)} cells are layers and were kept")
     return said
+
+
+def _factor(value: float) -> str:
+    return f"{value:.2f}" if 0.01 <= value < 100.0 else f"{value:.2g}"
+
+
+def _share(value: float) -> str:
+    """Say a share of the cells: "0.12 % of the", "93 % of the", "all"."""
+    percent = 100.0 * value
+    if value == 1.0:
+        return "all"
+    return f"{percent:.2g} % of the" if percent < 99.0 else "over 99 % of the"
 
 
 def _why(outcome: Outcome, spell: Callable[[str], str]) -> list[str]:

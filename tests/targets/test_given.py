@@ -68,7 +68,8 @@ def test_ratios_are_in_the_callers_order_and_orientation():
         ([1.0], r"must have the shape \(2,\), got \(1,\)"),
         ([1.0, 0.0], "must be positive, got 0.0 for cell 1"),
         ([math.nan, 1.0], "must be positive, got nan for cell 0"),
-        ("few", "must be numbers"),
+        ("few", "must be real numbers"),
+        ([1.0, 1j], "must be real numbers: they are complex"),
     ],
 )
 def test_bad_ratios_are_named(ratios, said):
@@ -115,19 +116,49 @@ def test_tensors_are_averaged_in_logarithms_and_functions_asked_where_vertices_a
     assert from_metric(mesh, by_place, mesh.xy + 1.0).area[0] == pytest.approx(2.25)
 
 
+def fourth(tensor):
+    """Four unit tensors, of which the last is another."""
+    return np.concatenate([np.tile(np.eye(2), (3, 1, 1)), [tensor]])
+
+
 @pytest.mark.parametrize(
     ("metric", "said"),
     [
-        (np.ones((4, 2)), r"one metric tensor for each of 4 vertices, \(4, 2, 2\), got \(4, 2\)"),
-        (np.tile([[1.0, 2.0], [2.0, 1.0]], (4, 1, 1)), "that of vertex 0 is not"),
-        (np.tile([[1.0, 0.5], [0.0, 1.0]], (4, 1, 1)), "that of vertex 0 is not"),
-        (np.full((4, 2, 2), np.nan), "that of vertex 0 is not"),
-        (lambda places: np.zeros((1, 2, 2)), "that of cell 0 is not"),
-        (lambda places: places, "for each of 1 cells"),
-        ("round", "must be numbers"),
+        (np.ones((4, 2)), r"tensors must be one for each of 4 vertices, \(4, 2, 2\), got \(4, 2\)"),
+        (fourth([[1.0, 2.0], [2.0, 1.0]]), "must be positive definite, that of vertex 3 is not: "),
+        (fourth([[0.0, 0.0], [0.0, 0.0]]), "must be positive definite, that of vertex 3 is not: "),
+        (fourth([[1e20, 0.0], [0.0, 1.0]]), "must be positive definite, that of vertex 3 is not: "),
+        (fourth([[1.0, 0.5], [0.0, 1.0]]), r"be symmetric, that of vertex 3 is not: \[\[1.0, 0.5"),
+        (fourth([[1.0, 0.0], [0.0, np.nan]]), "must be finite, that of vertex 3 is not: "),
+        (fourth([[np.inf, 0.0], [0.0, 1.0]]), "must be finite, that of vertex 3 is not: "),
+        (np.ones((4, 2, 2)) * 1j, "must be real numbers: they are complex"),
+        (lambda places: np.zeros((1, 2, 2)), "of the function .* definite, that of cell 0 is not"),
+        (lambda places: places, "tensors of the function must be one for each of 1 cells"),
+        (lambda places: None, "tensors of the function must be one for each of 1 cells"),
+        ("round", "must be real numbers"),
     ],
 )
 def test_bad_metrics_are_named(metric, said):
     mesh = Mesh([(0, 0), (1, 0), (1, 1), (0, 1)], [(0, 1, 2, 3)])
     with pytest.raises(ValueError, match=said):
         from_metric(mesh, metric)
+
+
+def test_what_a_function_raises_says_what_it_was_called_for():
+    def broken(places):
+        raise KeyError("no such place")
+
+    with pytest.raises(KeyError, match="no such place") as found:
+        from_metric(examples.structured(2, 1), broken)
+    assert found.value.__notes__ == [
+        "raised by the function given as target, for 2 places, an array (2, 2)"
+    ]
+
+
+@pytest.mark.parametrize("unit", [1e-120, 1e120])
+def test_metrics_are_in_any_unit(unit):
+    mesh = Mesh([(0, 0), (1, 0), (1, 1), (0, 1)], [(0, 1, 2, 3)])
+    tensors = np.tile([[2.0, 0.5], [0.5, 1.0]], (4, 1, 1))
+    plain, other = from_metric(mesh, tensors), from_metric(mesh, tensors * unit * unit)
+    assert other.maps == pytest.approx(plain.maps)
+    assert other.area / plain.area == pytest.approx(unit**-2)

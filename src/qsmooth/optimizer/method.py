@@ -3,29 +3,27 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 
 from qsmooth._types import FloatArray
-from qsmooth._words import did_you_mean
 from qsmooth.engine import threads_for
 from qsmooth.mesh import Mesh
 from qsmooth.methods.base import Method
 from qsmooth.methods.driver import invalid_cells, stored
 from qsmooth.metrics import Quality, limits, quality
 from qsmooth.optimizer.best import Best
-from qsmooth.optimizer.caps import HOLDABLE
 from qsmooth.optimizer.ground import Ground
 from qsmooth.optimizer.judgement import judged
 from qsmooth.optimizer.lanes import Lanes
 from qsmooth.optimizer.last_look import kept_from_better
+from qsmooth.optimizer.parsing import parse_hold, parse_target
 from qsmooth.optimizer.progress import ROUND, Progress
 from qsmooth.optimizer.stages import improve_mean, mend_worst
 from qsmooth.optimizer.untangling import untangle, with_proof
-from qsmooth.options import OptionError, one_of, opaque, option
+from qsmooth.options import opaque, option
 from qsmooth.outcome import Aim, Forbidden, Held, Invalid, Outcome, Stop, Target
 from qsmooth.result import History, SmoothResult
 from qsmooth.targets import (
@@ -49,63 +47,6 @@ ASKINGS, ASKED = 8, 1e-2
 FEW_INVALID = 0.01
 # The last look is at corners as bad as this fraction of the worst one.
 LAST_WALL = 0.95
-TARGETS = ("auto", "ideal", "initial")
-
-
-def parse_hold(given: str | Iterable[str]) -> tuple[str, ...]:
-    """Take figures to hold: a name, names with commas between, or an iterable of names.
-
-    Raises
-    ------
-    OptionError
-        If one of them can't be held, or is held anyway.
-    """
-    try:
-        names = given.split(",") if isinstance(given, str) else list(given)
-    except TypeError:
-        raise OptionError(f"`hold` takes {one_of(HOLDABLE)}, got {given!r}") from None
-    found = []
-    for name in names:
-        known = name.strip().replace("-", "_") if isinstance(name, str) else name
-        if known == "" and isinstance(given, str):
-            continue
-        if known not in HOLDABLE:
-            near = did_you_mean(known, HOLDABLE) if isinstance(known, str) else ""
-            raise OptionError(f"`hold` takes {one_of(HOLDABLE)}, got {name!r}{near}")
-        found.append(known)
-    return tuple(name for name in HOLDABLE if name in found)
-
-
-def parse_target(given: Any) -> Any:
-    """Take a target: a name, ratios of sides, metric tensors, or a function that gives these.
-
-    Raises
-    ------
-    OptionError
-        If it is none of these; what depends on the mesh is checked with it.
-    """
-    if isinstance(given, str):
-        if given not in TARGETS:
-            near = did_you_mean(given, TARGETS)
-            raise OptionError(f"`target` must be {one_of(TARGETS)}, got {given!r}{near}")
-        return given
-    if callable(given):
-        return given
-    try:
-        array = np.array(given, np.float64)
-    except (TypeError, ValueError):
-        array = np.empty(())
-    if array.ndim != 1 and (array.ndim != 3 or array.shape[1:] != (2, 2)):
-        raise OptionError(
-            f"`target` must be {one_of(TARGETS)}, ratios of sides, (n_cells,), or metric tensors, "
-            f"(n_vertices, 2, 2), or a function that gives these, got {_brief(given)}"
-        )
-    return array
-
-
-def _brief(given: Any) -> str:
-    shape = getattr(given, "shape", None)
-    return repr(given) if shape is None else f"an array of the shape {shape}"
 
 
 def _change(old: Targets, new: Targets) -> float:
@@ -226,6 +167,12 @@ class Optimize(_Staged):
     mesh is what counts. A metric asks for angles of its own: towards it only validity is kept, and
     what `hold` lists, and there are no worst cells to see to. The history has a record for each
     round of ten sweeps.
+
+    In Python the target may also be an array: ratios of sides, (n_cells,), of sides 0 and 2 over
+    sides 1 and 3 in the caller's order, for quads only; or metric tensors in 1/length²,
+    (n_vertices, 2, 2), symmetric and positive definite, in the coordinates of `mesh.xy`: edges e
+    with eᵀ M e = 1 are as long as is meant. Or a function of places that gives such tensors,
+    (k, 2) → (k, 2, 2), which is asked again where the cells have come to.
 
     Notes
     -----

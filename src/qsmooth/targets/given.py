@@ -22,6 +22,10 @@ from qsmooth.targets.algebra import (
 from qsmooth.targets.base import Targets, blocks, ideal, ideal_corners
 from qsmooth.topology import Topology
 
+# Determinant, of a tensor over its largest entry, below which rounding could decide: the root
+# of this is the thinnest that cells can be asked to be, 1e-7 of their length.
+SINGULAR = 1e-14
+
 Metric: TypeAlias = "npt.ArrayLike | Callable[[FloatArray], npt.ArrayLike]"
 
 
@@ -104,25 +108,29 @@ def from_metric(mesh: Mesh, metric: Metric, xy: FloatArray | None = None) -> Tar
     Raises
     ------
     ValueError
-        If there is not one such tensor for each.
+        If there is not one such tensor for each. What the function raises gets a note that says
+        what it was called for.
     """
     topology = mesh.topology
     xy = mesh.xy if xy is None else xy
     count = topology.cell_sizes[:, None]
     if callable(metric):
         middles = np.add.reduceat(xy[topology.cell_vertices], topology.cell_offsets[:-1]) / count
-        tensors = _checked_tensors(metric(middles), topology.n_cells, "cell", "cells")
+        tensors = _checked_tensors(_asked(metric, middles), topology.n_cells, by_function=True)
     else:
-        at_vertices = _checked_tensors(metric, topology.n_vertices, "vertex", "vertices")
+        at_vertices = _checked_tensors(metric, topology.n_vertices)
         logs = of_eigenvalues(at_vertices, np.log)[topology.cell_vertices]
         means = np.add.reduceat(logs, topology.cell_offsets[:-1]) / count
         tensors = of_eigenvalues(means, np.exp)
+    # Of tensors over their largest entry: a determinant of their own may overflow.
+    largest = np.abs(tensors).max(axis=1)
+    tensors = tensors / largest[:, None]
     det = tensors[:, 0] * tensors[:, 2] - tensors[:, 1] ** 2
     shape = np.where(topology.cell_sizes == 3, 0.5 * ROOT3, 1.0)
     n = topology.n_cells
     return Targets(
         corners=ideal_corners(topology),
-        area=shape / np.sqrt(det),
+        area=shape / (largest * np.sqrt(det)),
         size_weight=np.ones(n),
         is_layer=np.zeros(n, np.bool_),
         kind="metric",
@@ -130,29 +138,51 @@ def from_metric(mesh: Mesh, metric: Metric, xy: FloatArray | None = None) -> Tar
     )
 
 
+def _asked(metric: Callable[[FloatArray], npt.ArrayLike], places: FloatArray) -> npt.ArrayLike:
+    try:
+        return metric(places)
+    except Exception as error:
+        error.add_note(
+            f"raised by the function given as target, for {len(places)} places, an array "
+            f"{places.shape}"
+        )
+        raise
+
+
 def _numbers(values: npt.ArrayLike, what: str) -> FloatArray:
     try:
-        return np.array(values, np.float64)
+        array = np.array(values)
+        if np.iscomplexobj(array):
+            raise TypeError("they are complex")
+        return array.astype(np.float64)
     except (TypeError, ValueError) as error:
-        raise ValueError(f"target: {what} must be numbers: {error}") from None
+        raise ValueError(f"target: {what} must be real numbers: {error}") from None
 
 
-def _checked_tensors(values: npt.ArrayLike, n: int, one: str, many: str) -> FloatArray:
+def _checked_tensors(values: npt.ArrayLike, n: int, *, by_function: bool = False) -> FloatArray:
     """Take tensors, (n, 2, 2), as xx, xy, yy, (n, 3); ValueError where they are no metrics."""
-    m = _numbers(values, "metric tensors")
+    whose = "metric tensors of the function" if by_function else "metric tensors"
+    one, many = ("cell", "cells") if by_function else ("vertex", "vertices")
+    m = _numbers(values, whose)
     if m.shape != (n, 2, 2):
         raise ValueError(
-            f"target: there must be one metric tensor for each of {n} {many}, ({n}, 2, 2), "
-            f"got {m.shape}"
+            f"target: {whose} must be one for each of {n} {many}, ({n}, 2, 2), got {m.shape}"
         )
     sizes = np.abs(m).max(axis=(1, 2))
-    with np.errstate(invalid="ignore", over="ignore"):
-        symmetric = np.abs(m[:, 0, 1] - m[:, 1, 0]) <= 1e-9 * sizes
-        definite = (m[:, 0, 0] > 0.0) & (m[:, 0, 0] * m[:, 1, 1] > m[:, 0, 1] * m[:, 1, 0])
-    good = np.isfinite(sizes) & symmetric & definite
-    if not good.all():
-        raise ValueError(
-            "target: metric tensors must be symmetric and positive definite, that of "
-            f"{one} {int(np.argmin(good))} is not"
-        )
+    is_finite = np.isfinite(sizes)
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        scaled = m / sizes[:, None, None]
+        symmetric = np.abs(scaled[:, 0, 1] - scaled[:, 1, 0]) <= 1e-9
+        det = scaled[:, 0, 0] * scaled[:, 1, 1] - scaled[:, 0, 1] * scaled[:, 1, 0]
+        definite = (scaled[:, 0, 0] > 0.0) & (det > SINGULAR)
+    for good, what in (
+        (is_finite, "finite"),
+        (symmetric | (sizes == 0.0), "symmetric"),
+        (definite, "positive definite"),
+    ):
+        if not good.all():
+            bad = int(np.argmin(good))
+            raise ValueError(
+                f"target: {whose} must be {what}, that of {one} {bad} is not: {m[bad].tolist()}"
+            )
     return np.stack([m[:, 0, 0], 0.5 * (m[:, 0, 1] + m[:, 1, 0]), m[:, 1, 1]], axis=1)
