@@ -85,48 +85,6 @@ class Rows(NamedTuple):
     near: FloatArray
 
 
-def make_rows(
-    blocks: Blocks,
-    shapes: FloatArray,
-    area: FloatArray,
-    size_weight: FloatArray,
-    slim: FloatArray,
-) -> Rows:
-    """Put together what is asked of each row, and find out what each block asks for.
-
-    Parameters
-    ----------
-    shapes : (n_rows, 3)
-        m11, m12, m22.
-    area, size_weight, slim : (n_rows,)
-        As in `Rows`; areas where the weight is 0 do not count.
-    """
-    sizes, quads, triangles = (
-        blocks.table[:, k].astype(np.int64) for k in (SIZE, N_QUADS, N_TRIANGLES)
-    )
-    counts = sizes * (quads + triangles)
-    block = np.repeat(np.arange(sizes.size), counts)
-    place = np.arange(block.size) - blocks.table[:, ROWS].astype(np.int64)[block]
-    is_triangle = place >= (sizes * quads)[block]
-    ideal = np.where(is_triangle[:, None], EQUILATERAL, SQUARE)
-    wanted = np.abs(shapes - ideal).max(axis=1) > ROUNDING, size_weight > 0.0, slim > 0.0
-    asks = np.zeros(sizes.size, np.int64)
-    for flag, rows in zip((SHAPES, SIZES, WALLS), wanted, strict=True):
-        asks[np.bincount(block[rows], minlength=sizes.size) > 0] |= flag
-    sized = (size_weight > 0.0) & (area > 0.0)
-    return Rows(
-        asks=asks,
-        m11=shapes[:, 0].copy(),
-        m12=shapes[:, 1].copy(),
-        m22=shapes[:, 2].copy(),
-        area=np.where(sized, area, 0.0),
-        inv_area=np.divide(1.0, area, out=np.zeros(area.size), where=sized),
-        size_weight=size_weight,
-        slim=slim,
-        near=np.ones(slim.size),
-    )
-
-
 class Block(NamedTuple):
     """One row of `Blocks.table`."""
 
@@ -248,3 +206,56 @@ def row_corners(blocks: Blocks, cell_offsets: IndexArray, cell_vertices: IndexAr
                     if cell_vertices[position] == v:
                         out[row + k * size + i] = position
     return out
+
+
+@kernel()
+def make_rows(
+    blocks: Blocks,
+    row_corners: IndexArray,
+    shapes: FloatArray,
+    area: FloatArray,
+    size_weight: FloatArray,
+    slim: FloatArray,
+    weight: FloatArray,
+) -> Rows:
+    """Put together what is asked of each row, and find out what each block asks for.
+
+    Parameters
+    ----------
+    row_corners : (n_rows,)
+        As `row_corners` finds them.
+    shapes : (n_corners, 3)
+        m11, m12, m22 at each corner.
+    area, size_weight, slim : (n_cells,)
+        As in `Rows`; areas where the weight is 0 do not count.
+    weight : (n_cells,)
+        How much the shape energy of a cell counts; its wall stands where it stood.
+    """
+    table, cells = blocks.table, blocks.cells
+    n = cells.size
+    asks = np.zeros(table.shape[0], np.int64)
+    m11, m12, m22 = np.empty(n), np.empty(n), np.empty(n)
+    areas, inv_areas, size_weights = np.zeros(n), np.zeros(n), np.empty(n)
+    slims, near = np.empty(n), np.ones(n)
+    for b in range(table.shape[0]):
+        size, first = np.int64(table[b, SIZE]), np.int64(table[b, ROWS])
+        n_quads = np.int64(table[b, N_QUADS])
+        shaped, sized, walled = False, False, False
+        for k in range(n_quads + np.int64(table[b, N_TRIANGLES])):
+            i11, i12, i22 = SQUARE if k < n_quads else EQUILATERAL
+            for row in range(first + k * size, first + (k + 1) * size):
+                c, corner = cells[row], row_corners[row]
+                m11[row] = shapes[corner, 0] * weight[c]
+                m12[row] = shapes[corner, 1] * weight[c]
+                m22[row] = shapes[corner, 2] * weight[c]
+                off = max(abs(m11[row] - i11), abs(m12[row] - i12), abs(m22[row] - i22))
+                shaped |= off > ROUNDING
+                if size_weight[c] > 0.0:
+                    sized = True
+                    if area[c] > 0.0:
+                        areas[row], inv_areas[row] = area[c], 1.0 / area[c]
+                size_weights[row] = size_weight[c]
+                slims[row] = slim[c] / weight[c]
+                walled |= slims[row] > 0.0
+        asks[b] = SHAPES * shaped + SIZES * sized + WALLS * walled
+    return Rows(asks, m11, m12, m22, areas, inv_areas, size_weights, slims, near)

@@ -26,7 +26,6 @@ from qsmooth.kernels.corner_energy import (
     half_square,
     square_numerator,
 )
-from qsmooth.kernels.geometry import distance
 from qsmooth.kernels.lanes import (
     FRACTIONS,
     N_ROWS,
@@ -293,5 +292,6 @@ def shortest_edges(
         shortest = np.inf
         for k in range(ring_offsets[v], ring_offsets[v + 1]):
             w = ring_vertices[k]
-            shortest = min(shortest, distance(xy[v, 0], xy[v, 1], xy[w, 0], xy[w, 1]))
-        out[i] = shortest
+            dx, dy = xy[w, 0] - xy[v, 0], xy[w, 1] - xy[v, 1]
+            shortest = min(shortest, dx * dx + dy * dy)
+        out[i] = math.sqrt(shortest)

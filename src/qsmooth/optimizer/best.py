@@ -125,7 +125,7 @@ class Best:
         The better worst corner is, even at a loss of the mean; or, by the mean, the better mean.
         """
         now = self.measure(xy)
-        self.lanes.report(xy, self.lanes.quality(xy), self.progress)
+        self.lanes.report(xy, self.lanes.look(xy).quality, self.progress)
         self.best_shape = max(self.best_shape, now.shape)
         affordable = self.affords(now)
         # What was the best may have become too dear meanwhile.
@@ -157,7 +157,7 @@ class Best:
             Whether they are kept.
         """
         self.last = self.measure(xy)
-        self.lanes.report(xy, self.lanes.quality(xy), self.progress)
+        self.lanes.report(xy, self.lanes.look(xy).quality, self.progress)
         self.best_shape = max(self.best_shape, self.last.shape)
         enough = self.last.shape >= floor and self.affords(self.last)
         if not enough or self.last.overall < self.figures.overall:
@@ -176,7 +176,7 @@ class Best:
             Whether they are kept.
         """
         self.last = now = self.measure(xy)
-        self.lanes.report(xy, self.lanes.quality(xy), self.progress)
+        self.lanes.report(xy, self.lanes.look(xy).quality, self.progress)
         self.best_shape = max(self.best_shape, now.shape)
         enough = now.low_angle >= RELAXED * least.low_angle
         enough &= now.least_shape >= RELAXED * least.least_shape
@@ -243,14 +243,14 @@ class Best:
 
     def measure(self, xy: FloatArray) -> Figures:
         """Measure coordinates, (n, 2)."""
-        quality = self.lanes.quality(xy)
+        quality = self.lanes.look(xy).quality
         badness, energy = self.lanes.energy(xy)
         shape = 1.0 / self.lanes.worst_shape(xy)
         return Figures(
             free_jacobian=1.0 / float(badness.max(initial=1.0)),
             shape=float(shape.mean()),
             least_shape=float(shape.min()),
-            low_angle=float(np.percentile(quality.min_angle, LOW)),
+            low_angle=quality.low_angle(LOW),
             energy=float(energy.mean()),
             plain_shape=float(np.mean(quality.shape)),
             n_invalid=quality.n_invalid,

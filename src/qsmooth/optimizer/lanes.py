@@ -14,6 +14,7 @@ from qsmooth.engine import Engine
 from qsmooth.kernels.stars import Moves, Rings, Stars
 from qsmooth.metrics import Quality
 from qsmooth.optimizer.caps import ALWAYS, FREE, Caps
+from qsmooth.optimizer.look import Look
 from qsmooth.optimizer.progress import Progress
 from qsmooth.targets import Targets, beside_others
 from qsmooth.topology import Topology
@@ -65,7 +66,7 @@ class Lanes:
         n_movable = self._blocks.vertices.size
         self._moves = Moves(np.zeros(n_movable), np.zeros(n_movable))
         self._shortest = np.empty(n_movable)
-        self._badness, self._shape = np.empty(topology.n_cells), np.empty(topology.n_cells)
+        self._look: Look | None = None
 
     def quality(self, xy: FloatArray) -> Quality:
         """Measure the mesh at these coordinates."""
@@ -143,7 +144,7 @@ class Lanes:
 
     def aim_at(self, targets: Targets) -> None:
         """Ask each cell for this shape and size from now on; takes walls on shape down."""
-        self.targets = targets
+        self.targets, self._look = targets, None
         self.maps = np.empty((0, 3)) if targets.maps is None else targets.maps
         counts = targets.size_weight > 0.0
         inv_area = np.divide(1.0, targets.area, out=np.zeros(counts.size), where=counts)
@@ -196,24 +197,29 @@ class Lanes:
         """Put together what is asked of the cells around each vertex."""
         from qsmooth.kernels.blocks import make_rows
 
-        cells, targets = self._blocks.cells, self.targets
         weight = np.ones(slim.size) if weight is None else weight
         self._asked = size_weight, slim
         self._rows = make_rows(
             self._blocks,
-            targets.corners[self._row_corners] * weight[cells, None],
-            targets.area[cells],
-            size_weight[cells],
-            (slim / weight)[cells],
+            self._row_corners,
+            self.targets.corners,
+            self.targets.area,
+            size_weight,
+            slim,
+            weight,
         )
+
+    def look(self, xy: FloatArray) -> Look:
+        """Measure the cells at these coordinates; the last look is kept, and used again."""
+        if self._look is None or not self._look.is_of(xy):
+            self._look = Look(
+                self.topology, xy, self.movable, self.targets, self.sizes, self.maps
+            )
+        return self._look
 
     def worst_shape(self, xy: FloatArray) -> FloatArray:
         """Largest shape energy of each cell's corners towards their targets, (n_cells,)."""
-        from qsmooth.kernels.cell_energy import worst_shape
-
-        shape = np.empty(self.topology.n_cells)
-        worst_shape(xy, *self.topology.cells, self.targets.corners, self.maps, shape)
-        return shape
+        return self.look(xy).worst_shape
 
     def untangle(self, xy: FloatArray, sizes: FloatArray, epsilon: float) -> None:
         """Sweep once downhill on the regularised energy; sizes are squared lengths, (n,)."""
@@ -260,16 +266,11 @@ class Lanes:
         progress.note(now, self._moves)
 
     def energy(self, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Largest badness and mean shape energy of each cell, overwritten by the next call.
+        """Largest badness and mean shape energy of each cell, (n_cells,).
 
         Cells that nothing can be done for (`Caps.lost`) have none.
         """
-        from qsmooth.kernels.cell_energy import cell_energy
-
-        cells, corners = self.topology.cells, self.targets.corners
-        cell_energy(
-            xy, *cells, self.movable, corners, self.sizes, self.maps, self._badness, self._shape
-        )
-        if (lost := self.caps.lost).any():
-            self._badness[lost] = self._shape[lost] = 0.0
-        return self._badness, self._shape
+        look, lost = self.look(xy), self.caps.lost
+        if not lost.any():
+            return look.badness, look.energy
+        return np.where(lost, 0.0, look.badness), np.where(lost, 0.0, look.energy)
