@@ -188,11 +188,10 @@ def hopeless_cells(mesh, movable):
     """
     hopeless, cells = np.zeros(mesh.n_cells, np.bool_), reference.as_lists(mesh)
     points = [tuple(p) for p in mesh.xy.tolist()]
-    bad = {(v, c): False for c, cell in enumerate(cells) for v in cell}
-    places = reference.as_complex(mesh.xy)
+    at = zip(mesh.cell_vertices.tolist(), mesh.topology.corner_cells.tolist(), strict=True)
+    bad = dict(zip(at, (corner_signs(mesh) <= 0).tolist(), strict=True))
     for c, cell in enumerate(cells):
         for v, after, before in reference.corners(cell):
-            bad[v, c] = reference.sign(*(places[w] for w in (v, after, before))) <= 0
             stay = [w for w in (v, after, before) if not movable[w]]
             one_place = len({points[w] for w in stay}) < len(stay)
             hopeless[c] |= one_place or (len(stay) == 3 and bad[v, c])

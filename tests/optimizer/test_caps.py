@@ -9,7 +9,7 @@ import promises
 from meshes import KINDS, grid, random_mesh, tangle
 from qsmooth import Mesh, Optimize, quality, smooth
 from qsmooth.engine import threads_for
-from qsmooth.examples import bump, jittered, random_triangles, structured, tangled
+from qsmooth.examples import jittered, random_triangles, structured, tangled
 from qsmooth.metrics import Validity
 from qsmooth.optimizer.caps import FREE, HELD, HOLDABLE, Caps
 from qsmooth.optimizer.lanes import Lanes
@@ -104,16 +104,16 @@ def settled_but_far_from_the_worst(seed):
 @pytest.mark.parametrize("seed", [2, 3, 7])
 def test_one_region_does_not_veto_what_others_gain(monkeypatch, seed):
     mesh = settled_but_far_from_the_worst(seed)
-    held = promises.check(mesh, Optimize(target="ideal")).result
-    hold = Caps.hold
-    monkeypatch.setattr(Caps, "hold", lambda self, xy, also=(): hold(self, xy, also) if also else 0)
-    free = smooth(mesh, Optimize(target="ideal"))
-    # Left to itself it gives the largest angle up, at one place; held there it gains as much.
+    for method in (Optimize(target="ideal"), Optimize(target="ideal", worst=False)):
+        held = promises.check(mesh, method).result
+        assert held.after.worst["max_angle"] <= mesh_angle(mesh) * (1.0 + 1e-9)
+        assert held.after.mean["shape"] > held.before.mean["shape"] + 0.02
+        assert held.after.worst["min_angle"] > held.before.worst["min_angle"] + 1.0
+    # Left to itself the mean gives the largest angle up, at one place; held there it gains as much.
+    monkeypatch.setattr(Caps, "hold", lambda *_, **__: None)
+    free = smooth(mesh, method)
     assert free.after.worst["max_angle"] > mesh_angle(mesh) + 0.1
-    assert held.after.worst["max_angle"] <= mesh_angle(mesh) * (1.0 + 1e-9)
-    assert held.after.mean["shape"] > held.before.mean["shape"] + 0.02
     assert held.after.mean["shape"] > free.after.mean["shape"] - 1e-3
-    assert held.after.worst["min_angle"] > held.before.worst["min_angle"] + 1.0
 
 
 def mesh_angle(mesh):
@@ -306,55 +306,7 @@ def test_nor_worse_than_the_untangled_mesh(kind, seed, amount, scale, hold):
     promises.check(mesh, Optimize(hold=hold, max_sweeps=200))
 
 
-# ------------------------------------------------------------------------------- what it costs
-
-
-@pytest.mark.nojit
-def test_where_nothing_is_held_back_nothing_is_told():
-    assert smooth(structured(4, 4), "optimize", max_sweeps=40).outcome.held == ()
-
-
-def test_what_is_held_back_is_told_with_the_cell_that_would_get_worse():
-    mesh = bump(60, height=0.8, width=0.1)
-    seen = promises.check(mesh, Optimize(hold="aspect_ratio")).result
-    by_figure = {held.figure: held for held in seen.outcome.held}
-    held = by_figure["aspect_ratio"]
-    assert held.value == pytest.approx(quality(mesh).aspect_ratio.max(), rel=1e-9)
-    assert quality(seen.mesh).aspect_ratio[held.cell] > 0.9 * held.value
-    assert held.vertices >= 1
-    assert f"the largest aspect ratio, held at {held.value:.3g}, keeps " in seen.reason
-    assert f"at cell {held.cell}" in seen.reason
-
-
-def test_a_vertex_that_is_told_of_would_gain_and_break_what_is_held():
-    mesh = settled_but_far_from_the_worst(3)
-    result = smooth(mesh, Optimize(target="ideal"))
-    (held,) = result.outcome.held
-    assert (held.figure, held.vertices) == ("max_angle", 1)
-    assert held.value == pytest.approx(mesh_angle(mesh), abs=1e-9)
-    # Some vertex of the cell has a place near by where its cells are better on the whole, and this
-    # one has a larger angle than may be.
-    after = result.mesh
-    gains = []
-    for v in after.cells[0][held.cell]:
-        star = after.star_cells[slice(*after.star_offsets[v : v + 2])]
-        old = quality(after)
-        for angle in np.linspace(0.0, 2.0 * np.pi, 60):
-            points = after.points.copy()
-            step = 0.02 * old.min_edge[star].min()
-            points[v] += step * np.cos(angle), step * np.sin(angle)
-            new = quality(after.with_points(points))
-            if new.max_angle[held.cell] > held.value and not after.is_fixed[v]:
-                gains.append((1.0 / old.shape[star] - 1.0 / new.shape[star]).sum())
-    assert max(gains) > 0.0
-
-
 @pytest.mark.parametrize("hold", [(), HOLDABLE])
-def test_what_is_held_and_told_has_the_same_bits_on_two_threads(hold):
+def test_what_is_held_has_the_same_bits_on_two_threads(hold):
     for mesh in (with_hopeless_cell("mixed"), settled_but_far_from_the_worst(3)):
         promises.bits_are_the_same(mesh, Optimize(hold=hold, target="ideal"))
-
-
-def test_a_limit_of_the_caller_is_told_instead_of_what_is_held():
-    mesh = bump(20, height=0.8, width=0.1)
-    assert smooth(mesh, "optimize", hold="aspect_ratio", max_sweeps=20).outcome.held == ()

@@ -159,6 +159,11 @@ def test_invalid_cells_and_edges_of_no_length_are_no_trouble():
         examples.tangled(12, 12, kind="mixed"),
         Mesh([(0, 0), (0, 0), (1, 1), (0, 1)], [(0, 1, 2, 3)]),
         Mesh([(0, 0), (1, 0), (2, 0), (0, 1)], [(0, 1, 2), (0, 2, 3)]),
+        *(
+            examples.structured(3, 3, kind=kind).with_points(np.outer(np.arange(16.0), line))
+            for kind in ("quad", "triangle", "mixed")
+            for line in ((0.0, 0.0), (0.0, 1.0), (1.0, 3.0))  # all at one place, or on a line
+        ),
     ):
         for targets in (auto(mesh), initial(mesh.topology, mesh.xy)):
             assert np.isfinite(targets.corners).all()

@@ -83,7 +83,7 @@ def grading(topology: Topology, xy: FloatArray) -> tuple[FloatArray, FloatArray]
         p = xy[topology.cell_vertices[places]]
         d, e = p[:, 2] - p[:, 0], p[:, -1] - p[:, 1]
         area[cells] = np.abs(d[:, 0] * e[:, 1] - d[:, 1] * e[:, 0])
-    logs = np.log(np.maximum(area, 1e-60 * area.max()))
+    logs = np.log(np.maximum(area, 1e-60 * (float(area.max()) or 1.0)))
     counts = topology.cell_sizes == 3
     cleaned, smooth, noise = without_area_noise(topology, logs, counts)
     trend = float(smooth[counts].std())
