@@ -85,7 +85,7 @@ def hold_and_target(said, folder):
     runs = {name: tuple(map(float, figures)) for name, *figures in rows}
     free, held = runs["bump, as it comes"], runs["bump, held"]
     assert free[0] > held[0] + 20.0 > 28.0  # of 8.4 degrees
-    assert held[2] == pytest.approx(19.9, abs=0.1) < free[2]
+    assert 19.0 < held[2] < 20.0 < free[2]
     assert "aspect_ratio, held at 19.92, stopped" in said
     assert "given up: aspect_ratio 19.92 -> " in said
     assert runs["layer, as it comes"][3] == pytest.approx(1.0, abs=0.05)

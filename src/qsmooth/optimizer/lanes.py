@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 # The wall on a cell's shape is 1 high at this multiple of its shape energy, or at this energy.
 SLIMMER, LEAST_SLIM = 1.2, 1.5
+# A cell of this energy has no shape.
+NO_SHAPE = 1e100
 # No wall on shapes stands nearer than this energy.
 LEAST_CAP = 1.1
 # While the worst cells are seen to, sizes count this much more in layers: else their heights drift.
@@ -183,10 +185,12 @@ class Lanes:
         """Let each cell's shape energy f count by 1 / f² at these coordinates.
 
         Then the energy falls as the mean of 1 / f, the mean shape, rises; else bad cells count for
-        more. Walls on shapes stay where they are.
+        more. Walls on shapes stay where they are. Cells without a shape, which nothing can mend,
+        count as they are.
         """
         size_weight, slim = self._asked
-        self._ask(size_weight, slim, self.worst_shape(xy) ** -2)
+        shape = self.worst_shape(xy)
+        self._ask(size_weight, slim, np.where(shape < NO_SHAPE, shape, 1.0) ** -2)
 
     def _ask(
         self, size_weight: FloatArray, slim: FloatArray, weight: FloatArray | None = None
