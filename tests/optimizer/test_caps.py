@@ -215,6 +215,15 @@ def test_the_worst_cells_are_mended_beside_a_doublet():
     assert new.scaled_jacobian[:80].min() > old.scaled_jacobian[:80].min() + 0.1
 
 
+def test_a_cell_without_a_shape_weighs_no_others():
+    # A doublet alone: both cells are flat at it, and stay so.
+    points = [(0, 0), (2, 0), (2, 2), (0, 2), (1, 1)]
+    doublet = Mesh(points, [(0, 1, 2, 4), (0, 4, 2, 3)])
+    result = promises.check(doublet, Optimize()).result
+    assert result.after.n_invalid == result.outcome.invalid.proven == 1
+    assert np.isfinite(result.points).all()
+
+
 @given(st.sampled_from(sorted(KINDS)), st.integers(0, 2**32 - 1), st.floats(0.1, 1.2))
 def test_cells_that_stay_invalid_get_no_more_and_others_are_held(kind, seed, amount):
     rng = np.random.default_rng(seed)

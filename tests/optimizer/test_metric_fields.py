@@ -71,13 +71,13 @@ def test_the_same_bits_on_two_threads():
 @pytest.mark.parametrize(
     ("target", "said"),
     [
-        (np.ones((3, 2, 2)), r"one metric tensor for each of 9 vertices, \(9, 2, 2\), got \(3, "),
-        (np.tile([[1.0, 0.5], [0.0, 1.0]], (9, 1, 1)), "symmetric and positive definite, that of"),
+        (np.ones((3, 2, 2)), r"must be one for each of 9 vertices, \(9, 2, 2\), got \(3, "),
+        (np.tile([[1.0, 0.5], [0.0, 1.0]], (9, 1, 1)), "must be symmetric, that of vertex 0"),
         (np.tile([[1.0, 2.0], [2.0, 1.0]], (9, 1, 1)), "positive definite, that of vertex 0"),
         (np.full((9, 2, 2), np.nan), "that of vertex 0 is not"),
         (lambda places: np.full((len(places), 2, 2), np.nan), "that of cell 0 is not"),
-        (lambda places: None, "one metric tensor for each of 4 cells"),
-        (lambda places: "round", "metric tensors must be numbers"),
+        (lambda places: None, "of the function must be one for each of 4 cells"),
+        (lambda places: "round", "of the function must be real numbers"),
         (lambda places: np.ones(len(places)), r"\(4, 2, 2\), got \(4,\)"),
     ],
 )

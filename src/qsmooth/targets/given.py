@@ -25,6 +25,8 @@ from qsmooth.topology import Topology
 # Determinant, of a tensor over its largest entry, below which rounding could decide: the root
 # of this is the thinnest that cells can be asked to be, 1e-7 of their length.
 SINGULAR = 1e-14
+# Areas that differ from the mesh's by more powers of ten than this would overflow in the energy.
+FARTHEST = 60.0
 
 Metric: TypeAlias = "npt.ArrayLike | Callable[[FloatArray], npt.ArrayLike]"
 
@@ -127,10 +129,17 @@ def from_metric(mesh: Mesh, metric: Metric, xy: FloatArray | None = None) -> Tar
     tensors = tensors / largest[:, None]
     det = tensors[:, 0] * tensors[:, 2] - tensors[:, 1] ** 2
     shape = np.where(topology.cell_sizes == 3, 0.5 * ROOT3, 1.0)
+    area = shape / (largest * np.sqrt(det))
     n = topology.n_cells
+    far = ~(np.abs(np.log10(area) - 2.0 * np.log10(np.ptp(xy, axis=0).max())) < FARTHEST)
+    if far.any():
+        raise ValueError(
+            f"target: the metric asks cell {int(np.argmax(far))} for an area of "
+            f"{area[np.argmax(far)]:.3g}, which is out of all proportion to the mesh"
+        )
     return Targets(
         corners=ideal_corners(topology),
-        area=shape / (largest * np.sqrt(det)),
+        area=area,
         size_weight=np.ones(n),
         is_layer=np.zeros(n, np.bool_),
         kind="metric",
