@@ -76,7 +76,7 @@ class Sheets:
         sides = np.hypot(edges[..., 0], edges[..., 1])
         lengths = 0.5 * (sides[:, :2] + sides[:, 2:])
         # No length: as good as none, but one that logarithms can be averaged of.
-        lengths = np.maximum(lengths, 1e-30 * lengths.max(initial=1e-300))
+        lengths = np.maximum(lengths, 1e-30 * lengths.max(initial=1e-100))
         d, e = p[:, 2] - p[:, 0], p[:, 3] - p[:, 1]
         area = 0.5 * (d[:, 0] * e[:, 1] - d[:, 1] * e[:, 0])
         self.sine = np.clip(area / (lengths[:, 0] * lengths[:, 1]), 1e-3, 1.0)
