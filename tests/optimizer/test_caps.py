@@ -106,7 +106,11 @@ def test_one_region_does_not_veto_what_others_gain(monkeypatch, seed):
     mesh = settled_but_far_from_the_worst(seed)
     held = promises.check(mesh, Optimize(target="ideal")).result
     hold = Caps.hold
-    monkeypatch.setattr(Caps, "hold", lambda self, xy, also=(): hold(self, xy, also) if also else 0)
+    monkeypatch.setattr(
+        Caps,
+        "hold",
+        lambda self, xy, also=(), **asked: hold(self, xy, also, **asked) if also else 0,
+    )
     free = smooth(mesh, Optimize(target="ideal"))
     # Left to itself it gives the largest angle up, at one place; held there it gains as much.
     assert free.after.worst["max_angle"] > mesh_angle(mesh) + 0.1
