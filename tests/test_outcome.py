@@ -40,7 +40,7 @@ FULL = Outcome(
     held=(Held(figure="max_angle", value=129.7, cell=17, vertices=3),),
     invalid=Invalid(before=4, after=2, first=7, proven=1, first_proven=9),
     cut=Cut(quads=6, diagonal="shorter", broken=1),
-    target=Target(kind="squares", before=0.71, after=0.95),
+    target=Target(kind="squares", before=0.71, after=0.95, ideal_before=0.6, ideal_after=0.65),
     sizes=Sizes(
         area_low=0.97,
         area_median=1.0,

@@ -191,6 +191,11 @@ def test_what_became_of_sizes_and_of_the_target():
     }.items():
         aimed = replace(told, target=Target(kind=kind, before=0.71, after=0.95))
         assert f"; mean quality towards {words} 0.710 -> 0.950; cell areas" in reason(aimed)
+    both = Target(kind="metric", before=0.71, after=0.95, ideal_before=0.8, ideal_after=0.35)
+    assert (
+        "; mean quality towards the metric 0.710 -> 0.950, towards ideal shapes alone 0.800 -> "
+        "0.350; cell areas"
+    ) in reason(replace(told, target=both))
 
 
 @pytest.mark.parametrize(

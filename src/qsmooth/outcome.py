@@ -98,11 +98,15 @@ class Target:
         ``metric``.
     before, after
         Mean quality of the cells towards that, 1 at best.
+    ideal_before, ideal_after
+        The same towards squares and equilateral triangles: the mean shape.
     """
 
     kind: str
     before: float
     after: float
+    ideal_before: float = math.nan
+    ideal_after: float = math.nan
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from qsmooth._words import in_a_row, plural
@@ -133,7 +134,12 @@ def _towards(target: Target | None) -> list[str]:
     if target is None or target.kind == "ideal":
         return []
     words = _TARGETS[target.kind]
-    return [f"mean quality towards {words} {target.before:.3f} -> {target.after:.3f}"]
+    text = f"mean quality towards {words} {target.before:.3f} -> {target.after:.3f}"
+    if math.isfinite(target.ideal_after):
+        text += (
+            f", towards ideal shapes alone {target.ideal_before:.3f} -> {target.ideal_after:.3f}"
+        )
+    return [text]
 
 
 def _sizes(sizes: Sizes | None, trades: tuple[Trade, ...]) -> list[str]:

@@ -257,7 +257,13 @@ class Optimize(_Staged):
             best.forbidden,
             self._kept(lanes, start, best, progress),
             start=start,
-            target=Target(kind=targets.kind, before=was, after=now),
+            target=Target(
+                kind=targets.kind,
+                before=was,
+                after=now,
+                ideal_before=float(lanes.quality(start).shape.mean()),
+                ideal_after=float(lanes.quality(best.xy).shape.mean()),
+            ),
             layers=float(targets.is_layer.mean()),
         )
 
