@@ -166,7 +166,7 @@ class Best:
         return True
 
     def offer_relaxed(self, xy: FloatArray, least: Figures) -> bool:
-        """Keep coordinates with a better mean shape; low angles and shapes may lose little of these.
+        """Keep coordinates with a better mean shape; low angles and shapes may lose little.
 
         Returns
         -------

@@ -210,9 +210,7 @@ class Lanes:
     def look(self, xy: FloatArray) -> Look:
         """Measure the cells at these coordinates; the last look is kept, and used again."""
         if self._look is None or not self._look.is_of(xy):
-            self._look = Look(
-                self.topology, xy, self.movable, self.targets, self.sizes, self.maps
-            )
+            self._look = Look(self.topology, xy, self.movable, self.targets, self.sizes, self.maps)
         return self._look
 
     def worst_shape(self, xy: FloatArray) -> FloatArray:
