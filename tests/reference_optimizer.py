@@ -11,6 +11,7 @@ from collections import Counter, defaultdict
 import numpy as np
 
 import reference
+from qsmooth.kernels.blocks import make_rows, row_corners
 
 # Multiples of the Newton step, in the order in which they are tried.
 FRACTIONS = (1.7, 1.0, 0.4, 0.1)
@@ -495,3 +496,13 @@ def angle_limits(points, cells, movable):
             if share > high + 1e-9:
                 high, at_high = share, v
     return low, high, at_low, at_high
+
+
+def rows_of(mesh, blocks, shapes, *figures):
+    """`Rows` of blocks; per row m11, m12, m22 (n_rows, 3), then area, weight and slim (n_rows,)."""
+    corners = row_corners(blocks, *mesh.topology.cells)
+    of_corners = np.ones((mesh.cell_vertices.size, 3))
+    of_corners[corners] = shapes
+    of_cells = np.zeros((len(figures), mesh.n_cells))
+    of_cells[:, blocks.cells] = figures
+    return make_rows(blocks, corners, of_corners, *of_cells, np.ones(mesh.n_cells))

@@ -114,18 +114,26 @@ def test_no_movable_vertex_makes_no_block():
 
 
 def asked_of(mesh):
-    """Blocks of a mesh, and what asks for nothing but ideal shapes."""
+    """Blocks of a mesh, the corners of their rows, and what asks for nothing but ideal shapes."""
     _, blocks = blocks_of(mesh)
-    is_triangle = mesh.topology.cell_sizes[blocks.cells] == 3
-    shapes = np.where(is_triangle[:, None], EQUILATERAL, SQUARE)
-    return blocks, (shapes, *np.zeros((3, is_triangle.size)))
+    is_triangle = mesh.topology.cell_sizes == 3
+    shapes = np.where(is_triangle[mesh.topology.corner_cells, None], EQUILATERAL, SQUARE)
+    figures = np.zeros((3, mesh.n_cells))
+    return blocks, row_corners(blocks, *mesh.topology.cells), (shapes, *figures)
+
+
+def of_blocks(blocks, of_rows):
+    """Whether any row of each block is marked."""
+    starts = blocks.table[:, ROWS].astype(int)
+    return [bool(some.any()) for some in np.split(of_rows, starts[1:])]
 
 
 @pytest.mark.nojit
 @pytest.mark.parametrize("kind", ["quads", "triangles", "mixed"])
 def test_ideal_shapes_of_any_size_ask_for_nothing(kind):
-    blocks, asked = asked_of(random_mesh(kind, 5, seed=1).mesh)
-    rows = make_rows(blocks, *asked)
+    mesh = random_mesh(kind, 5, seed=1).mesh
+    blocks, corners, asked = asked_of(mesh)
+    rows = make_rows(blocks, corners, *asked, np.ones(mesh.n_cells))
     assert not rows.asks.any()
     assert rows.asks.size == len(blocks.table)
     assert (rows.near == 1.0).all()
@@ -134,28 +142,43 @@ def test_ideal_shapes_of_any_size_ask_for_nothing(kind):
 
 @pytest.mark.nojit
 def test_a_block_asks_for_what_one_of_its_rows_does():
-    blocks, (shapes, area, weight, slim) = asked_of(random_mesh("mixed", 6, seed=1).mesh)
-    starts = blocks.table[:, ROWS].astype(int)
-    assert len(starts) > 6
-    area[:], last = 2.0, blocks.cells.size - 1
-    shapes[starts[1] + 1] *= 1.5
-    weight[starts[2]] = 0.3
-    slim[starts[3] - 1], slim[last] = 0.7, 0.4
-    rows = make_rows(blocks, shapes, area, weight, slim)
-    expected = np.zeros(len(starts), int)
-    expected[[1, 2]] = SHAPES, SIZES | WALLS
-    expected[-1] = WALLS
-    assert rows.asks.tolist() == expected.tolist()
-    assert np.array_equal(np.stack([rows.m11, rows.m12, rows.m22], axis=1), shapes)
-    assert rows.slim is slim
+    mesh = random_mesh("mixed", 6, seed=1).mesh
+    blocks, corners, (shapes, area, size_weight, slim) = asked_of(mesh)
+    first, last = blocks.cells[0], blocks.cells[-1]
+    area[:] = 2.0
+    shapes[corners[3]] *= 1.5
+    size_weight[first], slim[last] = 0.3, 0.7
+    rows = make_rows(blocks, corners, shapes, area, size_weight, slim, np.ones(mesh.n_cells))
+    of_cell = blocks.cells
+    for flag, marked in (
+        (SHAPES, corners == corners[3]),
+        (SIZES, of_cell == first),
+        (WALLS, of_cell == last),
+    ):
+        assert ((rows.asks & flag) > 0).tolist() == of_blocks(blocks, marked)
+        assert 0 < sum(of_blocks(blocks, marked)) < len(blocks.table)
+    assert np.array_equal(np.stack([rows.m11, rows.m12, rows.m22], axis=1), shapes[corners])
+    assert np.array_equal(rows.slim, slim[of_cell])
     # Areas that do not count are none.
-    assert np.flatnonzero(rows.area).tolist() == [starts[2]]
-    assert rows.inv_area[starts[2]] == 0.5
-    assert not np.delete(rows.inv_area, starts[2]).any()
+    assert np.array_equal(rows.area, np.where(of_cell == first, 2.0, 0.0))
+    assert np.array_equal(rows.inv_area, np.where(of_cell == first, 0.5, 0.0))
+
+
+@pytest.mark.nojit
+def test_cells_that_count_for_more_have_their_walls_where_they_were():
+    mesh = random_mesh("mixed", 6, seed=1).mesh
+    blocks, corners, (shapes, area, size_weight, slim) = asked_of(mesh)
+    weight = np.linspace(0.5, 2.0, mesh.n_cells)
+    slim[:] = 0.7
+    rows = make_rows(blocks, corners, shapes, area, size_weight, slim, weight)
+    counts = weight[blocks.cells]
+    assert rows.m11 == pytest.approx(counts * shapes[corners, 0])
+    assert rows.slim * counts == pytest.approx(np.full(counts.size, 0.7))
 
 
 @pytest.mark.nojit
 def test_where_no_vertex_moves_nothing_is_asked():
-    blocks, asked = asked_of(Mesh(*grid(1, 3)))
-    rows = make_rows(blocks, *asked)
+    mesh = Mesh(*grid(1, 3))
+    blocks, corners, asked = asked_of(mesh)
+    rows = make_rows(blocks, corners, *asked, np.ones(mesh.n_cells))
     assert rows.asks.size == rows.m11.size == rows.near.size == 0

@@ -13,7 +13,7 @@ from meshes import random_mesh
 from qsmooth import Mesh
 from qsmooth.kernels import lanes, mapped_sweep, newton_sweep
 from qsmooth.kernels._jit import use_threads
-from qsmooth.kernels.blocks import LANES, build_blocks, make_rows, row_corners
+from qsmooth.kernels.blocks import LANES, build_blocks, row_corners
 
 ENERGIES = [(1.0, math.inf, 1), (1.0, 1.5, 2), (0.5, 3.0, 5), (1.0, 1.1, 6)]
 FREE = (2.0, -2.0, -2.0, 1e300, 1e300, -1e300)
@@ -38,7 +38,7 @@ def sweep(mesh, energy, asked, *, xy=None, threads=1, held=FREE):
             1.7,
             newton_sweep.Wall(float(energy[0]), float(energy[1]), energy[2]),
             np.tile(held, (mesh.n_vertices, 1)),
-            make_rows(blocks, shapes, *rest)._replace(near=near),
+            slow.rows_of(mesh, blocks, shapes, *rest)._replace(near=near),
             mapped_sweep.Maps(*maps),
             np.full(blocks.vertices.size, np.nan),
         )

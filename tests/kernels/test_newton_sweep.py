@@ -14,7 +14,7 @@ from qsmooth import Mesh, quality
 from qsmooth.kernels import lanes, newton_sweep, star_trials
 from qsmooth.kernels import star_energy as star_kernels
 from qsmooth.kernels._jit import use_threads
-from qsmooth.kernels.blocks import LANES, build_blocks, make_rows, row_corners
+from qsmooth.kernels.blocks import LANES, build_blocks, row_corners
 from qsmooth.kernels.stars import NO_VERTEX
 
 # Weight of the mean, threshold and squarings: the mean alone, walls of every power, both.
@@ -59,7 +59,7 @@ def rows_of_blocks(mesh, blocks, asked):
         mesh.cell_vertices[corners].tolist(), [cells[c] for c in blocks.cells.tolist()], asked
     )
     *rest, near = table[:, 3:].T.copy()
-    return make_rows(blocks, table[:, :3], *rest)._replace(near=near)
+    return slow.rows_of(mesh, blocks, table[:, :3], *rest)._replace(near=near)
 
 
 def sweep(mesh, energy, *, xy=None, threads=1, colours=None, asked=None, held=FREE):

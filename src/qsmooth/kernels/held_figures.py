@@ -6,7 +6,7 @@ import numpy as np
 from numba import prange
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray
-from qsmooth.kernels._jit import helper, parallel_kernel
+from qsmooth.kernels._jit import helper, kernel, parallel_kernel
 from qsmooth.kernels.corner_energy import INV_ROOT3
 from qsmooth.kernels.star_energy import SINE_60
 
@@ -67,6 +67,31 @@ def held_figures(
             ratio = longest / shortest
         out[c, 0], out[c, 1], out[c, 2] = most, least, sine
         out[c, 3], out[c, 4], out[c, 5] = ratio, shape, edge
+
+
+@kernel()
+def worst_of_regions(
+    figures: FloatArray, regions: IndexArray, smaller: BoolArray, worst: FloatArray
+) -> None:
+    """Find the worst figures of the cells of each region.
+
+    Parameters
+    ----------
+    figures : (n_cells, k)
+        Of each cell; NaN gets through.
+    regions : (n_cells,)
+        Number of the region of each cell; cells with -1 do not count.
+    smaller : (k,)
+        Whether the smaller figure is the better one.
+    worst : (n_regions, k)
+        What counts as worst without any cell on entry, overwritten where a cell's figure is worse.
+    """
+    for c in range(regions.size):
+        region = regions[c]
+        if region >= 0:
+            for k in range(smaller.size):
+                own, old = figures[c, k], worst[region, k]
+                worst[region, k] = np.maximum(old, own) if smaller[k] else np.minimum(old, own)
 
 
 @helper()

@@ -59,16 +59,15 @@ class Caps:
 
         That is angles and the scaled Jacobian, unless `angles` is false, and what is listed.
         """
+        from qsmooth.kernels.held_figures import worst_of_regions
+
         of_vertices, of_cells = self.regions
         self.lost = (of_cells >= 0) & self._set_none(xy)
         counts = (of_cells >= 0) & ~self.lost
         worst = np.tile(
             np.where(SMALLER, -np.inf, np.inf), (int(of_vertices.max(initial=-1)) + 2, 1)
         )
-        figures = self.figures(xy)[counts]
-        for k, smaller in enumerate(SMALLER):
-            reduce = np.maximum if smaller else np.minimum
-            reduce.at(worst[:, k], of_cells[counts], figures[:, k])
+        worst_of_regions(self.figures(xy), np.where(counts, of_cells, -1), SMALLER, worst)
         # The last row is of what is in no region. A region may have none but lost cells.
         worst[~np.isfinite(worst[:, 0])] = FREE
         for k, name in enumerate(HELD):
