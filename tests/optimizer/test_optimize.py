@@ -234,10 +234,12 @@ def test_the_worst_cells_cost_the_mean_what_they_may(shared_meshes):
 
 @pytest.mark.parametrize("loss", [0.02, 0.1, 0.5])
 @pytest.mark.parametrize("seed", range(3))
-def test_where_the_mean_is_at_its_best_worst_cells_cost_some_of_it(seed, loss):
+def test_where_the_mean_is_at_its_best_worst_cells_may_cost_so_much_of_it(seed, loss):
     best = smooth(random_triangles(200, seed=seed), "optimize", worst=False).mesh
     result = promises.check(best, Optimize(mean_loss=loss)).result
-    assert result.after.mean["shape"] < result.before.mean["shape"]
+    assert result.after.mean["shape"] >= (1.0 - loss) * result.before.mean["shape"] - 2e-3
+    gain = result.after.worst["scaled_jacobian"] - result.before.worst["scaled_jacobian"]
+    assert gain > 0.01
     kept = promises.check(best, Optimize(mean_loss=0.0)).result
     assert kept.after.mean["shape"] >= kept.before.mean["shape"] - 1e-3
     # What was not taken is told: it was better than what there is.
