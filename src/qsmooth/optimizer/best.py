@@ -15,6 +15,8 @@ from qsmooth.outcome import Forbidden
 
 # A result that is better by less than this in every figure is not worth moving a vertex for.
 LEAST_GAIN = 1e-3
+# So near a sine of one the worst corner has nothing to gain: a quarter of a degree off.
+AT_LIMIT = 1e-5
 # A better worst corner that the allowed loss of the mean forbids is told of from this gain on.
 LEAST_FORBIDDEN = 1e-2
 # What the worst cells may cost the sizes: by so much may the mean of γ |log τ| grow.
@@ -224,6 +226,10 @@ class Best:
         if self._enough is None or self.lanes.caps.lost.any():
             return False
         return self.figures.free_jacobian >= self._enough
+
+    def at_limit(self) -> bool:
+        """Whether the worst corner is as good as any corner can be."""
+        return self.figures.free_jacobian >= 1.0 - AT_LIMIT
 
     def settle(self) -> None:
         """Go back to the coordinates given where nothing of them was to gain."""

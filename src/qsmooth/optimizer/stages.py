@@ -137,7 +137,7 @@ def _push(
     most = LAYER_PATIENCE if lanes.targets.is_layer.any() else WALL_PATIENCE
     for squarings, share in walls:
         patience = most
-        while patience and not progress.spent() and not best.good_enough():
+        while patience and not (progress.spent() or best.good_enough() or best.at_limit()):
             worst = _largest(lanes.energy(xy)[0])
             lanes.newton(xy, Wall(weight, share * worst, squarings), progress)
             now = best.offer(xy)
