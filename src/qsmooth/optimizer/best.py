@@ -194,7 +194,7 @@ class Best:
     def pays_since(self, mark: tuple[FloatArray, Figures]) -> bool:
         """Whether the worst corner gained more since then than the worst shape lost."""
         old, new = mark[1], self.figures
-        if new.n_invalid < old.n_invalid:
+        if new.n_invalid < old.n_invalid or not self.affords(old):
             return True
         return new.free_jacobian * new.least_shape > old.free_jacobian * old.least_shape
 
