@@ -7,7 +7,7 @@ from qsmooth import Optimize, examples, quality, smooth
 from qsmooth.engine import threads_for
 from qsmooth.examples import structured
 from qsmooth.optimizer import stages
-from qsmooth.optimizer.best import RELAXED, Best
+from qsmooth.optimizer.best import Best
 from qsmooth.optimizer.caps import HOLDABLE
 from qsmooth.optimizer.lanes import Lanes
 from qsmooth.optimizer.progress import Progress
@@ -84,7 +84,7 @@ def test_where_the_worst_can_gain_no_more_the_next_worst_get_their_turn(monkeypa
         figures = run.mend()
     old = run.quality()
     run.lanes.caps.hold(run.best.xy, HOLDABLE)
-    stages._even_out(run.lanes, run.best.xy.copy(), run.best, run.progress)
+    stages._even_out(run.lanes, run.best.xy.copy(), run.best, run.progress, 0.0)
     new = run.quality()
     assert np.percentile(new.min_angle, 1.0) > np.percentile(old.min_angle, 1.0) + 0.5
     assert new.shape.mean() >= old.shape.mean() * (1.0 - stages.EVEN_LOSS)
@@ -97,6 +97,16 @@ def test_where_the_worst_can_gain_no_more_the_next_worst_get_their_turn(monkeypa
     assert no_worse(old, run.quality())
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_low_angles_keep_most_of_what_they_had_before_the_next_worst(monkeypatch, seed):
+    mesh = examples.distorted(16, seed)
+    with monkeypatch.context() as patched:
+        patched.setattr(stages, "_even_out", lambda *_: None)
+        patched.setattr(stages, "_relax", lambda *_: None)
+        low = Run(mesh).mend().low_angle
+    assert Run(mesh).mend().low_angle >= stages.KEPT * low
+
+
 def test_then_the_mean_gets_back_what_the_worst_do_not_need(monkeypatch):
     with monkeypatch.context() as patched:
         patched.setattr(stages, "_relax", lambda *_: None)
@@ -104,12 +114,12 @@ def test_then_the_mean_gets_back_what_the_worst_do_not_need(monkeypatch):
         figures = run.mend()
     old = run.quality()
     run.lanes.caps.hold(run.best.xy, HOLDABLE)
-    stages._relax(run.lanes, run.best.xy.copy(), run.best, run.progress)
+    stages._relax(run.lanes, run.best.xy.copy(), run.best, run.progress, 0.0)
     new = run.quality()
     assert new.shape.mean() > old.shape.mean() + 1e-3
     assert no_worse(old, new)
-    assert run.best.figures.low_angle >= RELAXED * figures.low_angle
-    assert run.best.figures.least_shape >= RELAXED * figures.least_shape
+    assert run.best.figures.low_angle >= stages.KEPT * figures.low_angle
+    assert run.best.figures.least_shape >= stages.KEPT * figures.least_shape
 
 
 @pytest.mark.parametrize("make", [bad_corners_that_stay, lambda: examples.bump(60)])

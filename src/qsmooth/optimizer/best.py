@@ -25,8 +25,6 @@ MOST_RESIZED = 0.06
 TINY = 1e-6
 # The percentile that low angles stand for; how much they and the worst shape count beside the mean.
 LOW, LOW_COUNTS, SHAPE_COUNTS = 1.0, 0.3, 0.1
-# While the mean gets back what it can, these keep this fraction of what they have.
-RELAXED = 0.97
 
 
 @dataclass(frozen=True)
@@ -148,8 +146,8 @@ class Best:
             return now.energy < self.figures.energy
         return now.better(self.figures)
 
-    def offer_overall(self, xy: FloatArray, floor: float) -> bool:
-        """Keep coordinates if they are better overall, at a mean shape of `floor` or more.
+    def offer_overall(self, xy: FloatArray, floor: float, low: float) -> bool:
+        """Keep coordinates if they are better overall, with a mean shape and low angles like these.
 
         What is held sees to the worst corner.
 
@@ -161,16 +159,15 @@ class Best:
         self.last = self.measure(xy)
         self.lanes.report(xy, self.lanes.look(xy).quality, self.progress)
         self.best_shape = max(self.best_shape, self.last.shape)
-        enough = self.last.shape >= floor and self.affords(self.last)
+        enough = self.last.shape >= floor and self.last.low_angle >= low
+        enough &= self.affords(self.last)
         if not enough or self.last.overall < self.figures.overall:
             return False
         self.xy[:], self.figures = xy, self.last
         return True
 
-    def offer_relaxed(self, xy: FloatArray, least: Figures) -> bool:
-        """Keep coordinates with a better mean shape; low angles and shapes may lose a little.
-
-        That is a little of what `least` has.
+    def offer_relaxed(self, xy: FloatArray, low: float, worst: float) -> bool:
+        """Keep coordinates with a better mean shape, low angles and a worst shape like these.
 
         Returns
         -------
@@ -180,8 +177,7 @@ class Best:
         self.last = now = self.measure(xy)
         self.lanes.report(xy, self.lanes.look(xy).quality, self.progress)
         self.best_shape = max(self.best_shape, now.shape)
-        enough = now.low_angle >= RELAXED * least.low_angle
-        enough &= now.least_shape >= RELAXED * least.least_shape
+        enough = now.low_angle >= low and now.least_shape >= worst
         if now.shape <= self.figures.shape or not enough or not self.affords(now):
             return False
         self.xy[:], self.figures = xy, now

@@ -42,6 +42,9 @@ EVEN_WALLS, EVEN_RINGS, EVEN_ROUNDS, EVEN_LOSS, EVEN_SLIM = 2, 10, 3, 5e-3, 0.79
 # Rounds at most in which the mean gets back what the worst cells do not need, what a round must
 # gain for another, and how much the mean counts beside the wall.
 RELAX_ROUNDS, RELAX_GAIN, RELAX_WEIGHT = 12, 1e-4, 11.0
+# Low angles and the worst shape keep this fraction of what they have. A round that would cost them
+# more is taken back, and so often tried with the mean counting for less.
+KEPT, RELAX_PATIENCE, RELAX_LESS = 0.97, 2, 0.2
 
 
 def improve_mean(
@@ -120,11 +123,12 @@ def mend_worst(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> 
     if best.good_enough() or lanes.targets.is_layer.any():
         return  # the angles of layers would go back to what their sizes ask for
     lanes.caps.hold(best.xy, HOLDABLE)
+    low = KEPT * best.figures.low_angle
     xy[:] = best.xy
-    _even_out(lanes, xy, best, progress)
+    _even_out(lanes, xy, best, progress, low)
     lanes.caps.hold(best.xy, HOLDABLE)
     xy[:] = best.xy
-    _relax(lanes, xy, best, progress)
+    _relax(lanes, xy, best, progress, low)
 
 
 def _push(
@@ -149,7 +153,7 @@ def _push(
             seen = max(seen, now.free_jacobian) if affordable else seen
 
 
-def _even_out(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> None:
+def _even_out(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress, low: float) -> None:
     """Put walls up by the worst of each neighbourhood, and by the worst shape of all."""
     from qsmooth.kernels.newton_sweep import Wall
 
@@ -160,27 +164,32 @@ def _even_out(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> N
             break
         lanes.measure_near(xy, EVEN_RINGS)
         lanes.newton(xy, Wall(weight, share, squarings), progress)
-        best.offer_overall(xy, floor)
+        best.offer_overall(xy, floor, low)
         if best.last.shape < floor:
             weight *= 4.0
 
 
-def _relax(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> None:
+def _relax(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress, low: float) -> None:
     """Give the mean back what it can have without the worst cells getting worse again."""
     from qsmooth.kernels.newton_sweep import Wall
 
-    start, shape = best.figures, best.figures.shape
+    shape, weight, patience = best.figures.shape, RELAX_WEIGHT, RELAX_PATIENCE
+    low = max(low, KEPT * best.figures.low_angle)
+    worst = KEPT * best.figures.least_shape
     for _ in range(RELAX_ROUNDS):
-        if progress.spent():
+        if progress.spent() or not patience:
             break
         lanes.weigh_good(xy)
         # Walls where the worst corners are: by caps alone vertices would be stopped one by one.
         lanes.measure_near(xy, EVEN_RINGS)
-        lanes.newton(xy, Wall(RELAX_WEIGHT, 1.0, WALLS[-1][0]), progress)
-        better = best.offer_relaxed(xy, start)
-        before, shape = shape, best.last.shape
-        if not better or shape < before + RELAX_GAIN:
-            break
+        lanes.newton(xy, Wall(weight, 1.0, WALLS[-1][0]), progress)
+        if best.offer_relaxed(xy, low, worst):
+            before, shape = shape, best.last.shape
+            if shape < before + RELAX_GAIN:
+                break
+        else:
+            xy[:] = best.xy
+            weight, patience = RELAX_LESS * weight, patience - 1
 
 
 def _global_steps(
