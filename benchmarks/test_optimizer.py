@@ -8,11 +8,18 @@ import numpy as np
 import pytest
 
 from qsmooth import examples, limits, smooth, untangle
+from qsmooth.engine import threads_for
 from qsmooth.kernels._jit import use_threads
 from qsmooth.kernels.blocks import build_blocks
+from qsmooth.kernels.cell_energy import cell_energy, worst_around, worst_shape
+from qsmooth.kernels.held_figures import held_figures
+from qsmooth.kernels.mapped_sweep import Maps, mapped_sweep
 from qsmooth.kernels.newton_sweep import Wall, newton_sweep
+from qsmooth.kernels.stacks import match_heights
 from qsmooth.kernels.stars import NO_VERTEX
 from qsmooth.kernels.untangle_sweep import untangle_sweep
+from qsmooth.optimizer.lanes import Lanes
+from qsmooth.targets import ideal, learned
 
 pytestmark = pytest.mark.benchmark(group="optimizer")
 SWEEPS = 10
@@ -21,6 +28,8 @@ SINE_60, INV_ROOT3 = math.sqrt(0.75), 1.0 / math.sqrt(3.0)
 # Mean and wall together, as in the stage of the worst cells.
 WEIGHT, THRESHOLD, SQUARINGS = 1.0, 1.5, 4
 EPSILON = 0.1
+# As many as the walls of each neighbourhood look around.
+RINGS = 10
 
 # ------------------------------------------------------------------------------- the plain loop
 
@@ -182,6 +191,9 @@ class Case:
         self.all = 0, self.blocks.colour_blocks.size - 1
         self.sizes = np.ones(mesh.n_vertices)
         self.moves = np.empty(self.blocks.vertices.size)
+        lanes = Lanes(mesh.topology, self.stars, threads_for(1, self.stars.vertices.size))
+        lanes.aim_at(ideal(mesh.topology))
+        self.held, self.rows = lanes.caps.swept, lanes._rows
 
     def by_blocks(self):
         xy = self.mesh.xy.copy()
@@ -191,7 +203,7 @@ class Case:
                 untangle_sweep(xy, self.blocks, self.all, *rest)
             else:
                 wall = Wall(WEIGHT, THRESHOLD, SQUARINGS)
-                newton_sweep(xy, self.blocks, self.all, 1.7, wall, self.moves)
+                newton_sweep(xy, self.blocks, self.all, 1.7, wall, self.held, self.rows, self.moves)
         return xy
 
     def plainly(self):
@@ -243,6 +255,73 @@ def test_sweep(benchmark, mesh, note, name, threads):
     with use_threads(threads):
         case.by_blocks()
         benchmark(case.by_blocks)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_mapped_sweep(benchmark, mesh, note, threads):
+    """A sweep towards targets with a direction, here none: the cost of the maps."""
+    case = Case(mesh, 0.0)
+    ones, zeros = np.ones(case.blocks.cells.size), np.zeros(case.blocks.cells.size)
+    wall, maps = Wall(WEIGHT, THRESHOLD, SQUARINGS), Maps(ones, zeros, ones)
+    rest = case.held, case.rows, maps, case.moves
+
+    def run():
+        xy = mesh.xy.copy()
+        for _ in range(SWEEPS):
+            mapped_sweep(xy, case.blocks, case.all, 1.7, wall, *rest)
+        return xy
+
+    note(mesh, threads, sweeps=SWEEPS)
+    with use_threads(threads):
+        np.testing.assert_allclose(run(), case.by_blocks(), rtol=0, atol=1e-6 * np.ptp(mesh.xy))
+        benchmark(run)
+
+
+# ------------------------------------------------------------------------------- cell by cell
+
+
+def _cell_kernels(mesh):
+    """Calls of what is measured of every cell after a round, and before the first."""
+    cells, plain = mesh.topology.cells, ideal(mesh.topology)
+    out, more, six = np.empty(mesh.n_cells), np.empty(mesh.n_cells), np.empty((mesh.n_cells, 6))
+    movable, sizes, no_maps = ~mesh.is_fixed, np.zeros((mesh.n_cells, 2)), np.empty((0, 3))
+    worst_shape(mesh.xy, *cells, plain.corners, no_maps, out)
+    values = out.copy()
+    return {
+        "cell_energy": lambda: cell_energy(
+            mesh.xy, *cells, movable, plain.corners, sizes, no_maps, out, more
+        ),
+        "worst_shape": lambda: worst_shape(mesh.xy, *cells, plain.corners, no_maps, out),
+        "worst_around": lambda: worst_around(values, RINGS, *cells, mesh.n_vertices),
+        "held_figures": lambda: held_figures(mesh.xy, *cells, movable, six),
+        "learned": lambda: learned(mesh.topology, mesh.xy),
+    }
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize(
+    "name", ["cell_energy", "worst_shape", "worst_around", "held_figures", "learned"]
+)
+def test_cells(benchmark, mesh, note, name, threads):
+    run = _cell_kernels(mesh)[name]
+    note(mesh, threads, rings=RINGS)
+    with use_threads(threads):
+        run()
+        benchmark(run)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_heights_of_layers(benchmark, note, smoke, threads):
+    """Heights matched to where the layers lie, in stacks of 32."""
+    mesh = examples.structured(32, 64 if smoke else 4096)
+    n = mesh.n_cells
+    heights = np.exp(0.2 * np.random.default_rng(0).normal(size=n))
+    stacks = np.arange(0, n + 1, 32), np.arange(n), np.zeros(n // 32, np.bool_)
+    out, walls, ones = np.empty(n), np.ones((n // 32, 2), np.bool_), np.ones(n)
+    note(mesh, threads)
+    with use_threads(threads):
+        match_heights(*stacks, walls, heights, ones, 8, out)
+        benchmark(match_heights, *stacks, walls, heights, ones, 8, out)
 
 
 # ------------------------------------------------------------------------------- whole calls

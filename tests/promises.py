@@ -12,26 +12,34 @@ from dataclasses import dataclass, replace
 from unittest import mock
 
 import numpy as np
+import pytest
 from hypothesis import strategies as st
 
 import qsmooth
 import reference
 from meshes import KINDS, place, random_mesh, random_meshes, tangle
-from qsmooth import Mesh, SmoothResult, Stop, smooth
+from qsmooth import Mesh, SmoothResult, Stop, Untangle, smooth
 from qsmooth.engine import Stepwise, Threads
 from qsmooth.methods.base import Method
 from qsmooth.methods.driver import SweepingMethod
 from qsmooth.options import spelled
+from qsmooth.outcome import Aim
 from qsmooth.selection import select_cells, vertices_of
 from qsmooth.split import split_quads
 
-# What a mean shape may be given up for, at the least: so much more in the smallest sine.
-LEAST_TRADE = 1e-2
+# How much worse than what is held a figure may be, relative to itself; for rounding.
+HELD = 1e-9
+# Gains of less than this do not count when the best mean is sought.
+LEAST_GAIN = 2e-3
+# The figures that can be held by an option, and whether they are better when larger.
+HOLDABLE = {"aspect_ratio": False, "shape": True, "min_edge": True}
 
 
 # ------------------------------------------------------------------------------- any options
 
 SELECTIONS = st.sampled_from([None, [0], [0, 1, 2], "max_angle > 100", "shape < 0.8"])
+HOLDS = st.sets(st.sampled_from(["aspect_ratio", "shape", "min_edge"]))
+TARGETS = st.sampled_from(["auto", "ideal", "initial"])
 # Given by the checks themselves.
 OURS = {"threads", "callback"}
 
@@ -47,7 +55,8 @@ def values(spec):
     elif spec.kind == "integer":
         drawn = integers(spec.interval)
     else:
-        drawn = SELECTIONS if spec.name == "selection" else st.just(spec.default)
+        others = {"selection": SELECTIONS, "hold": HOLDS, "target": TARGETS}
+        drawn = others.get(spec.name, st.just(spec.default))
     return st.none() | drawn if spec.optional else drawn
 
 
@@ -171,13 +180,29 @@ def invalid_cells(mesh):
 
 
 def hopeless_cells(mesh, movable):
-    """Mark the cells with a corner that is not convex and whose three vertices all stay."""
-    stays, signs = ~movable[mesh.cell_vertices], corner_signs(mesh)
-    hopeless = []
-    for first, last in zip(mesh.cell_offsets[:-1], mesh.cell_offsets[1:], strict=True):
-        rest, bad = stays[first:last], signs[first:last] <= 0
-        hopeless.append((bad & rest & np.roll(rest, 1) & np.roll(rest, -1)).any())
-    return np.array(hopeless)
+    """Mark the cells that no placement of the movable vertices makes valid, as far as is seen.
+
+    They have a corner that is not convex and whose three vertices all stay, or two vertices of a
+    corner that stay at one place. Of the two cells of an interior vertex that has no others one is
+    marked, if neither counts already.
+    """
+    hopeless, cells = np.zeros(mesh.n_cells, np.bool_), reference.as_lists(mesh)
+    points = [tuple(p) for p in mesh.xy.tolist()]
+    at = zip(mesh.cell_vertices.tolist(), mesh.topology.corner_cells.tolist(), strict=True)
+    bad = dict(zip(at, (corner_signs(mesh) <= 0).tolist(), strict=True))
+    for c, cell in enumerate(cells):
+        for v, after, before in reference.corners(cell):
+            stay = [w for w in (v, after, before) if not movable[w]]
+            one_place = len({points[w] for w in stay}) < len(stay)
+            hopeless[c] |= one_place or (len(stay) == 3 and bad[v, c])
+    taken, stars = set(np.flatnonzero(hopeless).tolist()), {}
+    for v, c in sorted(bad):
+        stars.setdefault(v, []).append(c)
+    for v, star in stars.items():
+        if len(star) == 2 and not mesh.is_boundary[v] and not taken & set(star):
+            taken |= set(star)
+            hopeless[next(c for c in star if bad[v, c])] = True
+    return hopeless
 
 
 def free_jacobian(mesh, movable):
@@ -275,32 +300,164 @@ def what_must_rest_rests(seen: Run):
     )
 
 
-def figures_get_no_worse(seen: Run):
-    """A method that untangles lowers no figure of a valid mesh, but by a trade that was one.
+def held_from(seen: Run):
+    """The mesh whose worst figures are held: the input, or what untangling alone makes of it.
 
-    The mean shape may then fall by `mean_loss` of the best that was seen, for a worst cell that is
-    clearly better. After untangling there is nothing to keep.
+    None where there is none: untangling is all that is done, or where that went can't be repeated.
     """
-    mesh, after, trades = seen.mesh, seen.result.mesh, seen.result.outcome.trades
-    held = seen.method.untangles and not invalid_cells(mesh).any()
-    old, new = quality(mesh), quality(after)
-    fell = held and new.shape.mean() < old.shape.mean()
-    assert bool(trades) == fell, "a trade that is not told, or was none"
-    if held:
-        slack = 1e-9 if mesh.plane is not None else 0.0  # points are rounded once more in space
-        assert new.min_angle.min() >= old.min_angle.min() - slack, "a smaller smallest angle"
-        assert new.max_angle.max() <= old.max_angle.max() + slack, "a larger largest angle"
-        assert new.scaled_jacobian.min() >= old.scaled_jacobian.min() - slack, "a worse cell"
-    if fell:
-        best = max([old.shape.mean(), *(record.mean_shape for record in seen.records)])
-        loss = getattr(seen.method, "mean_loss", 0.0)
-        assert new.shape.mean() >= (1.0 - loss) * best, "gave up more than is allowed"
-        movable = movable_vertices(mesh, seen.method)
-        gained = free_jacobian(after, movable) - free_jacobian(mesh, movable)
-        assert gained > LEAST_TRADE - 1e-9, "gave up the mean shape for nothing"
-        (trade,) = trades
-        assert (trade.figure, trade.gained) == ("mean_shape", "scaled_jacobian")
-        assert (trade.before, trade.after) == (old.shape.mean(), new.shape.mean())
+    mesh, method = seen.mesh, seen.method
+    if not invalid_cells(mesh).any():
+        return mesh
+    stages = seen.result.outcome.stages
+    if method.time_limit is not None or mesh.plane is not None or not stages:
+        return None
+    if stages[0].aim is not Aim.UNTANGLE or method.name == "untangle":
+        return None
+    alone = Untangle(
+        max_sweeps=method.max_sweeps, selection=method.selection,
+        selection_rings=method.selection_rings, keep_interfaces=method.keep_interfaces, threads=1,
+    )  # fmt: skip
+    return smooth(mesh, alone).mesh
+
+
+def cells_that_count(mesh):
+    """Mark the cells whose figures are held: valid ones, but those of interior vertices with two.
+
+    One of these two is not valid whatever is done, and so the other can't be good.
+    """
+    n_cells = np.bincount(mesh.cell_vertices, minlength=mesh.n_vertices)
+    doublets = (n_cells == 2) & ~mesh.is_boundary
+    beside = np.logical_or.reduceat(doublets[mesh.cell_vertices], mesh.cell_offsets[:-1])
+    return ~invalid_cells(mesh) & ~beside
+
+
+def corner_figures(mesh, cells):
+    """Smallest angle, largest angle, smallest sine (over 60 degrees' in triangles): in radians.
+
+    Of these cells, (n_cells,).
+    """
+    offsets, vertices = mesh.cell_offsets, mesh.cell_vertices
+    at = np.arange(len(vertices))
+    first, last = (np.repeat(ends, np.diff(offsets)) for ends in (offsets[:-1], offsets[1:]))
+    u = mesh.xy[vertices[np.where(at + 1 < last, at + 1, first)]] - mesh.xy[vertices]
+    w = mesh.xy[vertices[np.where(at > first, at - 1, last - 1)]] - mesh.xy[vertices]
+    det, dot = u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0], (u * w).sum(axis=1)
+    angles = np.arctan2(det, dot)
+    best = np.where(last - first == 3, np.sqrt(0.75), 1.0)
+    counts = np.repeat(cells, np.diff(offsets))
+    angles, u, w = angles[counts], u[counts], w[counts]
+    sines = det[counts] / np.hypot(u[:, 0], u[:, 1]) / np.hypot(w[:, 0], w[:, 1]) / best[counts]
+    return angles.min(), angles.max(), sines.min()
+
+
+def figures_get_no_worse(seen: Run):
+    """What a method that untangles holds gets no worse, and the mean falls by `mean_loss` at most.
+
+    Held are the smallest and the largest angle, the smallest scaled Jacobian, and what the option
+    `hold` lists; of an invalid mesh those after untangling, and of cells that stay invalid none.
+    """
+    if not seen.method.untangles or (start := held_from(seen)) is None:
+        return
+    after, cells = seen.result.mesh, cells_that_count(start)
+    assert not (corner_signs(start)[corner_signs(after) <= 0] > 0).any(), "lost a convex corner"
+    if not cells.any():
+        return
+    old, new = corner_figures(start, cells), corner_figures(after, cells)
+    # Points are rounded once more in space.
+    slack = HELD if start.plane is None else 1e-7
+    # An angle is known to about its rounding over its sine: only slivers are as bad as that.
+    fine = 1e-15 / max(old[2], 1e-8)
+    assert new[0] >= old[0] * (1.0 - slack) - fine, "a smaller smallest angle"
+    assert new[1] <= old[1] * (1.0 + slack) + fine, "a larger largest angle"
+    assert new[2] >= old[2] * (1.0 - slack), "a worse cell"
+    for name in getattr(seen.method, "hold", ()):
+        best = 1.0 if HOLDABLE[name] else -1.0
+        before, now = ((best * quality(mesh)[name][cells]).min() for mesh in (start, after))
+        assert now >= before - slack * abs(before), f"a worse {name}"
+    told = seen.result.outcome.target
+    if told is None:
+        # Without an aim of its own a method is held to the mean shape.
+        lowest = quality(start).shape.mean()
+        loss = getattr(seen.method, "mean_loss", 0.0) if seen.method.name != "untangle" else 1.0
+        best = max([lowest, *(record.mean_shape for record in seen.records)])
+        assert quality(after).shape.mean() >= (1.0 - loss) * best - LEAST_GAIN, "lost of the mean"
+        return
+    allowed = 1.0 - seen.method.mean_loss
+    assert told.after >= allowed * told.before - LEAST_GAIN, "lost of the mean"
+    if told.kind == "ideal" and not invalid_cells(start).any():
+        means = quality(start).shape.mean(), quality(after).shape.mean()
+        assert (told.before, told.after) == pytest.approx(means, rel=1e-9), "tells another mean"
+
+
+def trades_are_told(seen: Run):
+    """Every figure that can be given up, and got worse by over one percent, is told of; no other.
+
+    What it was given for is a figure that gained, and none gained more.
+    """
+    told = {trade.figure: trade for trade in seen.result.outcome.trades}
+    if seen.result.outcome.target is None:
+        assert not told, "a trade that was none"
+        return
+    start = held_from(seen)
+    if start is None or invalid_cells(start).any():
+        return
+    old, new = quality(start), quality(seen.result.mesh)
+    figures = {name: (old[name].min(), new[name].min()) for name in ("shape", "min_edge")}
+    figures["mean_shape"] = old.shape.mean(), new.shape.mean()
+    figures["aspect_ratio"] = old.aspect_ratio.max(), new.aspect_ratio.max()
+    for name, (before, after) in figures.items():
+        ratio = before / after if name == "aspect_ratio" else after / before
+        limit = 1.0 / 1.01 if name == "aspect_ratio" else 0.99
+        if abs(ratio - limit) > 1e-9:
+            assert (name in told) == (ratio < limit), f"a trade of {name} untold, or none"
+        if name in told:
+            trade = told[name]
+            assert (trade.before, trade.after) == pytest.approx((before, after), rel=1e-9)
+    for trade in told.values():
+        if trade.gained in figures:
+            pair = trade.gained_before, trade.gained_after
+            assert pair == pytest.approx(figures[trade.gained], rel=1e-9), "gained otherwise"
+
+
+def what_holds_back_is_told(seen: Run):
+    """A figure that kept something from getting better is held, and near where it is held."""
+    told = seen.result.outcome.held
+    assert len({held.figure for held in told}) == len(told), "a figure told of twice"
+    if not told:
+        return
+    assert seen.result.converged, "tells what a run that was cut short could not do"
+    names = ("min_angle", "max_angle", "scaled_jacobian", *getattr(seen.method, "hold", ()))
+    assert {held.figure for held in told} <= set(names), "a figure that is not held"
+    movable = movable_vertices(seen.mesh, seen.method)
+    start, after = held_from(seen), seen.result.mesh
+    for held in told:
+        smaller = held.figure in ("max_angle", "aspect_ratio")
+        corners = slice(*after.cell_offsets[held.cell : held.cell + 2])
+        assert 1 <= held.vertices <= movable.sum()
+        assert movable[after.cell_vertices[corners]].any(), "a cell that nothing changes"
+        if start is None:
+            continue
+        # It is the worst of something in the mesh that counts: no better than the mesh's own.
+        figures = quality(start)[held.figure][cells_that_count(start)]
+        worst, slack = (figures.max() if smaller else figures.min()), 1e-6 * abs(held.value)
+        assert (held.value - worst) * (-1.0 if smaller else 1.0) >= -slack, "held at what is worse"
+
+
+def sizes_are_told(seen: Run):
+    """Areas are compared with those of the input, and the shortest edge is that of the mesh."""
+    sizes = seen.result.outcome.sizes
+    assert (sizes is None) == (seen.result.outcome.target is None)
+    if sizes is None:
+        return
+    old, new = quality(seen.mesh), quality(seen.result.mesh)
+    had_area = old.area > 0.0
+    ratios = new.area[had_area] / old.area[had_area] if had_area.any() else [1.0]
+    expected = np.percentile(ratios, [1, 50, 99])
+    found = sizes.area_low, sizes.area_median, sizes.area_high
+    assert found == pytest.approx(expected, rel=1e-6), "other areas"
+    edges = old.min_edge.min(), new.min_edge.min()
+    assert (sizes.min_edge_before, sizes.min_edge_after) == pytest.approx(edges, rel=1e-9)
+    assert 0.0 <= sizes.layers <= 1.0
 
 
 def sweeps_are_counted(seen: Run):
@@ -366,13 +523,13 @@ def stop_is_true(seen: Run):
         and result.history[-1].largest_share <= getattr(method, "rtol", -1.0),
         Stop.VALID: result.after.n_invalid == 0,
         Stop.STUCK: result.after.n_invalid > 0,
-        Stop.TARGET_QUALITY: getattr(method, "target_quality", None) is not None
+        Stop.STOP_QUALITY: getattr(method, "stop_quality", None) is not None
         and free_jacobian(result.mesh, movable_vertices(seen.mesh, method))
-        >= method.target_quality - 1e-9,
+        >= method.stop_quality - 1e-9,
         Stop.SETTLED: result.sweeps > 0,
     }
     assert holds[outcome.stop], f"stopped by {outcome.stop}?"
-    option = {Stop.RESTS: "rtol", Stop.TARGET_QUALITY: "target_quality"}.get(
+    option = {Stop.RESTS: "rtol", Stop.STOP_QUALITY: "stop_quality"}.get(
         outcome.stop, outcome.stop.value
     )
     told = getattr(method, option, None)
@@ -397,6 +554,9 @@ OF_ONE_RUN = [
     worst_cell_keeps_its_quality,
     what_must_rest_rests,
     figures_get_no_worse,
+    trades_are_told,
+    what_holds_back_is_told,
+    sizes_are_told,
     sweeps_are_counted,
     outcome_is_true,
     stop_is_true,

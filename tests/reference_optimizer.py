@@ -11,6 +11,7 @@ from collections import Counter, defaultdict
 import numpy as np
 
 import reference
+from qsmooth.kernels.blocks import make_rows, row_corners
 
 # Multiples of the Newton step, in the order in which they are tried.
 FRACTIONS = (1.7, 1.0, 0.4, 0.1)
@@ -76,6 +77,68 @@ def value(x) -> float:
     return x.value if isinstance(x, Jet) else x
 
 
+# ------------------------------------------------------------------------------- what is asked
+
+
+class Asked:
+    """What is asked of one cell: a target a corner, by vertex; area, its weight, the wall on f; the
+    symmetric matrix that edges are multiplied by before f is taken; and what the threshold of the
+    wall on g is divided by.
+    """
+
+    def __init__(
+        self, targets, area=None, weight=0.0, slim=0.0, map_=((1.0, 0.0), (0.0, 1.0)), near=1.0
+    ):
+        self.targets, self.area, self.weight, self.slim = targets, area, weight, slim
+        self.map, self.near = np.array(map_), near
+
+    def mapped(self, u):
+        return tuple(float(a) * u[0] + float(b) * u[1] for a, b in self.map)
+
+
+def random_map(rng):
+    """Symmetric, positive definite, of determinant one."""
+    turn, stretch = rng.uniform(0.0, math.pi), math.exp(rng.normal())
+    axes = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
+    return (axes * (stretch, 1.0 / stretch)) @ axes.T
+
+
+def random_asked(cells, rng, *, maps=False):
+    """Targets of any shape, areas, weights and walls, of cells by the set of their vertices."""
+    asked = {}
+    for cell in cells:
+        n = len(cell)
+        if n == 4:
+            x, y = np.exp(rng.normal(size=2))
+            shape = np.array([(0.0, 0.0), (x, 0.0), (x, y), (0.0, y)])
+        else:
+            shape = np.array([(0.0, 0.0), (1.0, 0.0), (rng.uniform(0.0, 1.0), rng.uniform(0.4, 2))])
+        targets = {}
+        for k, v in enumerate(cell):
+            u, w = shape[(k + 1) % n] - shape[k], shape[k - 1] - shape[k]
+            d = determinant(u, w)
+            targets[v] = (w @ w / d, -(u @ w) / d, u @ u / d)
+        sized = rng.random() < 0.7
+        asked[frozenset(cell)] = Asked(
+            targets,
+            area=rng.uniform(0.3, 3.0) if sized else None,
+            weight=rng.uniform(0.1, 3.0) if sized else 0.0,
+            slim=rng.choice([0.0, 0.3, 0.7]),
+            **({"map_": random_map(rng)} if maps else {}),
+            near=rng.uniform(0.5, 1.0),
+        )
+    return asked
+
+
+def asked_of(cell, asked) -> Asked:
+    """What is asked of a cell; the ideal shape of any size where `asked` is None."""
+    if asked is not None:
+        return asked[frozenset(cell)]
+    third = 1.0 / math.sqrt(3.0)
+    target = (2.0 * third, -third, 2.0 * third) if len(cell) == 3 else (1.0, 0.0, 1.0)
+    return Asked(dict.fromkeys(cell, target))
+
+
 # ------------------------------------------------------------------------------- energies
 
 
@@ -117,6 +180,22 @@ def badness(u, w, triangle, *, bound=False):
     return g * SINE_60 if triangle else g
 
 
+def shape_energy(u, w, target):
+    """The shape energy of a corner towards any target."""
+    m11, m12, m22 = target
+    n = squared(u) * m11 + (u[0] * w[0] + u[1] * w[1]) * (2.0 * m12) + squared(w) * m22
+    return n * 0.5 / determinant(u, w)
+
+
+def size_energy(det, area, weight):
+    """Weight · ½ (τ − 1/τ)² of a corner; nothing without a weight."""
+    if not weight:
+        return det * 0.0
+    tau = det * (1.0 / area)
+    off = tau - tau**-1
+    return off * off * (0.5 * weight)
+
+
 def stand_in(det, soft, *, linear=False):
     """Positive everywhere, nearly `det` where that is large; with `linear`, its tangent here."""
     d = value(det)
@@ -151,18 +230,46 @@ def terms(places, cells, only=None, *, bound=False, linear=False, soft=None):
     return f, g
 
 
-def star_energy(places, v, cells, mean_weight, limit, squarings, *, bound=False):
-    """Sum of mean_weight · f + (g / limit)^(2^squarings) over the corners that v takes part in."""
-    f, g = terms(places, reference.fan(v, cells), {v}, bound=bound)
-    power = 2**squarings
-    return sum(x * mean_weight for x in f) + sum((x * (1.0 / limit)) ** power for x in g)
+def shape_terms(places, cells, only=None, asked=None):
+    """Shape and size energy, and the wall on shape, of all corners, or triangles, as in `terms`."""
+    mean, walls = [], []
+    for cell in cells:
+        own = asked_of(cell, asked)
+        for i, corner in enumerate(reference.corners(cell)):
+            if only is not None and not only & set(corner):
+                continue
+            u, w = edges_at(places, cell, i)
+            f = shape_energy(own.mapped(u), own.mapped(w), own.targets[corner[0]])
+            mean.append(f + size_energy(determinant(u, w), own.area, own.weight))
+            walls.append((f * own.slim) ** 16 if own.slim else f * 0.0)
+            if len(cell) == 3:
+                break
+    return mean, walls
 
 
-def total_energy(points, cells, movable, mean_weight, limit, squarings) -> float:
+def star_energy(places, v, cells, mean_weight, limit, squarings, *, bound=False, asked=None):
+    """Sum of mean_weight · (f and size) + (f slim)^16 + (g near / limit)^(2^squarings) around v."""
+    fan = reference.fan(v, cells)
+    mean, walls = shape_terms(places, fan, {v}, asked)
+    wall = sum(corner_walls(places, fan, {v}, limit, squarings, bound=bound, asked=asked))
+    return sum(x * mean_weight for x in mean) + sum(walls) + wall
+
+
+def corner_walls(places, cells, only, limit, squarings, *, bound=False, asked=None):
+    """(g near / limit)^(2^squarings) of all corners in which a vertex of `only` takes part."""
+    return [
+        (g * (asked_of(cell, asked).near / limit)) ** 2**squarings
+        for cell in cells
+        for g in terms(places, [cell], only, bound=bound)[1]
+    ]
+
+
+def total_energy(points, cells, movable, mean_weight, limit, squarings, *, asked=None) -> float:
     """The same over all corners that can change, plain numbers."""
     places = [(z.real, z.imag) for z in points]
-    f, g = terms(places, cells, set(movable))
-    return math.fsum(mean_weight * x for x in f) + math.fsum((x / limit) ** 2**squarings for x in g)
+    mean, walls = shape_terms(places, cells, set(movable), asked)
+    wall = math.fsum(corner_walls(places, cells, set(movable), limit, squarings, asked=asked))
+    return math.fsum(mean_weight * x for x in mean) + math.fsum(walls) + wall
 
 
 def soft_energy(places, v, cells, soft, *, linear=False):
@@ -204,13 +311,42 @@ def _sweep(points, order, at, is_safe) -> list[complex]:
     return points
 
 
-def newton_sweep(points, cells, order, mean_weight, limit, squarings) -> list[complex]:
+def keeps(points, v, cells, held) -> bool:
+    """Whether the cells around v are no worse than what is held there, as `newton_sweep` has it."""
+    most, least, sine, ratio, shape, edge = held
+    places = [(z.real, z.imag) for z in points]
+    good = True
+    for cell in reference.fan(v, cells):
+        ideal = asked_of(cell, None)
+        lengths = [abs(points[cell[i]] - points[cell[i - 1]]) for i in range(len(cell))]
+        good &= (max(lengths) / min(lengths)) ** 2 < ratio
+        good &= min(lengths[0], lengths[1]) ** 2 / 2.0 > edge
+        for i, corner in enumerate(reference.corners(cell)):
+            if v not in corner:
+                continue
+            u, w = edges_at(places, cell, i)
+            product = math.hypot(*u) * math.hypot(*w)
+            cosine = (u[0] * w[0] + u[1] * w[1]) / product
+            good &= least < cosine < most
+            best = SINE_60 if len(cell) == 3 else 1.0
+            good &= determinant(u, w) / (best * product) > sine
+            good &= shape_energy(u, w, ideal.targets[corner[0]]) < shape
+    return good
+
+
+def newton_sweep(
+    points, cells, order, mean_weight, limit, squarings, *, asked=None, held=None
+) -> list[complex]:
     def at(points, v, z, bound):
         places = places_with(points, v, z)
-        return star_energy(places, v, cells, mean_weight, limit, squarings, bound=bound)
+        return star_energy(
+            places, v, cells, mean_weight, limit, squarings, bound=bound, asked=asked
+        )
 
     def is_safe(points, v, new):
         moved = [*points[:v], new, *points[v + 1 :]]
+        if held is not None and not keeps(moved, v, cells, held):
+            return False
         return all(
             reference.sign(*(moved[w] for w in corner)) > 0
             for cell in reference.fan(v, cells)
@@ -233,6 +369,19 @@ def untangle_sweep(points, cells, order, sizes, epsilon) -> list[complex]:
 # ------------------------------------------------------------------------------- whole mesh
 
 
+def worst_around(values, cells, rings) -> list[float]:
+    """Largest value among the cells that so many steps from cell to cell across a vertex reach."""
+    found = []
+    for cell in cells:
+        reached = {tuple(cell)}
+        for _ in range(rings):
+            seen = {v for other in reached for v in other}
+            reached = {tuple(other) for other in cells if seen & set(other)}
+        by_cell = zip(cells, values, strict=True)
+        found.append(max(value for other, value in by_cell if tuple(other) in reached))
+    return found
+
+
 def corner_jet(u, w) -> Jet:
     """(|u|² + |w|²) / (2 det(u, w)) by its four variables."""
     ux, uy, wx, wy = Jet.variables((*u, *w))
@@ -245,7 +394,16 @@ def semi_definite(matrix):
     return (vectors * np.maximum(values, 0.0)) @ vectors.T
 
 
-def gradient_and_hessian(points, cells, unknowns):
+def size_jet(u, w, area, weight):
+    """Gradient and Hessian of the size term of a corner; τ as if it were linear in the Hessian."""
+    ux, uy, wx, wy = Jet.variables((*u, *w))
+    det = determinant((ux, uy), (wx, wy))
+    linear = Jet(det.value, det.gradient, np.zeros((4, 4)))
+    size = size_energy(linear, area, weight)
+    return size.gradient, size.hessian
+
+
+def gradient_and_hessian(points, cells, unknowns, asked=None):
     """Of the sum of f over the corners that can change; each corner's Hessian semi-definite.
 
     Unknowns are the vertices of the rows; the matrix is dense.
@@ -254,20 +412,27 @@ def gradient_and_hessian(points, cells, unknowns):
     row = {v: 2 * k for k, v in enumerate(unknowns)}
     gradient, hessian = np.zeros(n), np.zeros((n, n))
     for cell in cells:
+        own = asked_of(cell, asked)
         for v, b, d in reference.corners(cell)[: 1 if len(cell) == 3 else 4]:
             if not {v, b, d} & row.keys():
                 continue
-            # (u, w) as a linear function of the three places; a triangle is mapped to half a square
+            # (u, w) as a linear function of the three places; the target corner (p, q) is mapped to
+            # a square's.
             to = np.zeros((4, 6))
             to[:2, :2], to[:2, 2:4] = -np.eye(2), np.eye(2)
             to[2:, :2], to[2:, 4:] = -np.eye(2), np.eye(2)
-            if len(cell) == 3:
-                to[2:] = (2.0 * to[2:] - to[:2]) / math.sqrt(3.0)
+            to = np.kron(np.eye(2), own.map) @ to
+            _, m12, m22 = own.targets[v]
+            # |p|² = m22 and p·q = -m12 at the scale where det(p, q) = 1.
+            first = to[:2] / math.sqrt(m22)
+            to = np.concatenate([first, math.sqrt(m22) * (to[2:] + (m12 / m22) * to[:2])])
             at = np.array([[points[w].real, points[w].imag] for w in (v, b, d)])
             u_w = to @ (at - at[0]).ravel()
             jet = corner_jet(u_w[:2], u_w[2:])
-            local_gradient = to.T @ jet.gradient
-            local_hessian = to.T @ semi_definite(jet.hessian) @ to
+            # The maps keep areas.
+            size_gradient, size_hessian = size_jet(u_w[:2], u_w[2:], own.area, own.weight)
+            local_gradient = to.T @ (jet.gradient + size_gradient)
+            local_hessian = to.T @ (semi_definite(jet.hessian) + size_hessian) @ to
             for i, p in enumerate((v, b, d)):
                 if p not in row:
                     continue
@@ -331,3 +496,13 @@ def angle_limits(points, cells, movable):
             if share > high + 1e-9:
                 high, at_high = share, v
     return low, high, at_low, at_high
+
+
+def rows_of(mesh, blocks, shapes, *figures):
+    """`Rows` of blocks; per row m11, m12, m22 (n_rows, 3), then area, weight and slim (n_rows,)."""
+    corners = row_corners(blocks, *mesh.topology.cells)
+    of_corners = np.ones((mesh.cell_vertices.size, 3))
+    of_corners[corners] = shapes
+    of_cells = np.zeros((len(figures), mesh.n_cells))
+    of_cells[:, blocks.cells] = figures
+    return make_rows(blocks, corners, of_corners, *of_cells, np.ones(mesh.n_cells))

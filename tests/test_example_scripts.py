@@ -63,7 +63,40 @@ def quality_gate(said, folder):
     assert not (folder / "notched.off").exists()
 
 
+def metric_field(said, folder):
+    for kind, least in (("quads", 0.88), ("triangles", 0.76)):
+        own = said[said.index(f"{kind}:") :]
+        before, after = map(float, re.search(r"metric ([\d.]+) -> ([\d.]+)", own).groups())
+        assert after > max(least, before + 0.2)
+        rows = re.findall(r"(\d+) cells on the shock, .* width ([\d.]+) of", own)[:2]
+        assert int(rows[1][0]) > 4 * int(rows[0][0])
+        assert float(rows[1][1]) == pytest.approx(1.0, abs=0.2)
+        mesh = quality(read_mesh(folder / f"shock-{kind}.vtk"))
+        assert mesh.n_invalid == 0
+        assert mesh.aspect_ratio.max() > 30.0
+
+
+def hold_and_target(said, folder):
+    rows = re.findall(
+        r"^(.+): angles ([\d.]+)° to ([\d.]+)°, largest aspect ratio ([\d.]+), .* x ([\d.]+)$",
+        said,
+        re.MULTILINE,
+    )
+    runs = {name: tuple(map(float, figures)) for name, *figures in rows}
+    free, held = runs["bump, as it comes"], runs["bump, held"]
+    assert free[0] > held[0] + 20.0 > 28.0  # of 8.4 degrees
+    assert 19.0 < held[2] < 20.0 < free[2]
+    assert "aspect_ratio, held at 19.92, stopped" in said
+    assert "given up: aspect_ratio 19.92 -> " in said
+    assert runs["layer, as it comes"][3] == pytest.approx(1.0, abs=0.05)
+    assert runs["layer, squares"][3] > 100.0
+    for path in folder.glob("*.vtk"):
+        assert quality(read_mesh(path)).n_invalid == 0
+
+
 CHECKS = {
+    "hold_and_target": (hold_and_target, 0),
+    "metric_field": (metric_field, 0),
     "moving_boundary": (moving_boundary, 0),
     "quality_gate": (quality_gate, 1),  # one mesh is refused
     "smooth_file": (smooth_file, 0),

@@ -16,6 +16,7 @@ VALID = {
     "jittered mixed": (lambda: examples.jittered(6, 5, kind="mixed", amount=2.0, seed=3), 45),
     "bump": (lambda: examples.bump(12), 144),
     "notch": (lambda: examples.notch(10), 100),
+    "distorted": (lambda: examples.distorted(10, seed=1), 100),
     "notch of triangles": (lambda: examples.notch(10, kind="triangle"), 200),
     "boundary layer": (lambda: examples.boundary_layer(10, 8), 80),
     "one vertex": (lambda: examples.simple_case(3), 3),

@@ -78,7 +78,25 @@ def test_three_vertices_at_one_place_are_two_too_many():
 def test_zero_length_edges():
     facts = inspect(([(0, 0), (1, 0), (1, 0), (0, 1)], [[0, 1, 2, 3]]))
     assert finding(facts, "zero-length edges").items == ((1, 2),)
-    assert odd(facts) == {"zero-length edges": 1, "coincident vertices": 1, "cells not valid": 1}
+    assert odd(facts) == {
+        "zero-length edges": 1,
+        "coincident vertices": 1,
+        "cells not valid": 1,
+        "cells that can't be valid": 1,
+    }
+
+
+def test_doublets_and_cells_that_cannot_be_valid():
+    # A square cut in two by a vertex that only its two halves share; beside it, a dart.
+    points = [(0, 0), (2, 0), (2, 2), (0, 2), (0.5, 1), (4, 0), (2.5, 0.5)]
+    facts = inspect((points, [[0, 1, 2, 4], [0, 4, 2, 3], [1, 5, 2, 6]]))
+    assert finding(facts, "doublets").items == (4,)
+    assert finding(facts, "cells that can't be valid").items == (1, 2)
+    # Where the vertex in the corner may move nothing is proven of its cells.
+    points = [(x, y) for y in range(3) for x in range(3)]
+    points[4] = (2.5, 2.5)
+    facts = inspect((points, [[0, 1, 4, 3], [1, 2, 5, 4], [3, 4, 7, 6], [4, 5, 8, 7]]))
+    assert odd(facts) == {"cells not valid": 3}
 
 
 def test_pinched_vertices():

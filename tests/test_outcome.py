@@ -7,7 +7,7 @@ import math
 import pytest
 
 from qsmooth import Limits, Outcome, Stop
-from qsmooth.outcome import Aim, Cut, Forbidden, Invalid, Stage, Trade
+from qsmooth.outcome import Aim, Cut, Forbidden, Held, Invalid, Sizes, Stage, Target, Trade
 
 pytestmark = pytest.mark.nojit
 
@@ -26,10 +26,29 @@ FULL = Outcome(
         Stage(aim=Aim.MEAN_SHAPE, sweeps=20, steps=2, seconds=1.5, gain={"mean_shape": 0.1}),
     ),
     largest_share=0.01,
-    trades=(Trade(figure="mean_shape", before=0.9, after=0.8, gained="scaled_jacobian"),),
+    trades=(
+        Trade(
+            figure="aspect_ratio",
+            before=20.0,
+            after=33.0,
+            gained="min_angle",
+            gained_before=8.4,
+            gained_after=40.3,
+        ),
+    ),
     forbidden=Forbidden(scaled_jacobian=0.4, mean_loss=0.1),
+    held=(Held(figure="max_angle", value=129.7, cell=17, vertices=3),),
     invalid=Invalid(before=4, after=2, first=7, proven=1, first_proven=9),
     cut=Cut(quads=6, diagonal="shorter", broken=1),
+    target=Target(kind="squares", before=0.71, after=0.95, ideal_before=0.6, ideal_after=0.65),
+    sizes=Sizes(
+        area_low=0.97,
+        area_median=1.0,
+        area_high=1.31,
+        min_edge_before=0.159,
+        min_edge_after=0.519,
+        layers=0.12,
+    ),
     limits=LIMITS,
 )
 
@@ -63,12 +82,22 @@ def test_it_is_written_down_as_it_is(outcome):
     again = [Stage(**{**s, "aim": Aim(s["aim"])}) for s in plain["stages"]]
     assert tuple(again) == outcome.stages
     assert tuple(Trade(**trade) for trade in plain["trades"]) == outcome.trades
-    for name, record in (("forbidden", Forbidden), ("invalid", Invalid), ("cut", Cut)):
+    assert tuple(Held(**held) for held in plain["held"]) == outcome.held
+    records = {"forbidden": Forbidden, "invalid": Invalid, "cut": Cut}
+    for name, record in {**records, "target": Target, "sizes": Sizes}.items():
         given = plain[name]
         assert (None if given is None else record(**given)) == getattr(outcome, name)
     for name in ("method", "chosen", "guarded", "untangles", "selected", "unchanged"):
         assert plain[name] == getattr(outcome, name)
     assert plain["stop_at"] == (None if math.isnan(outcome.stop_at) else outcome.stop_at)
+
+
+def test_a_trade_for_nothing_is_written_down_with_none():
+    outcome = Outcome(
+        method="any", stop=Stop.SETTLED, trades=(Trade(figure="shape", before=0.2, after=0.1),)
+    )
+    (trade,) = json.loads(json.dumps(outcome.to_dict(), allow_nan=False))["trades"]
+    assert (trade["gained"], trade["gained_before"], trade["gained_after"]) == ("", None, None)
 
 
 def test_the_limits_are_written_down_too():

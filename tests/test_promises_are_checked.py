@@ -1,5 +1,6 @@
 """Methods that break a promise are caught, each by the check that is meant for it."""
 
+import functools
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -11,7 +12,7 @@ from meshes import grid, random_mesh, renumber, tangle
 from qsmooth import Mesh, Stop
 from qsmooth.methods.driver import Sweep, SweepingMethod
 from qsmooth.options import option
-from qsmooth.outcome import Aim, Trade
+from qsmooth.outcome import Aim, Held, Sizes, Target, Trade
 
 pytestmark = pytest.mark.nojit
 
@@ -97,19 +98,13 @@ class CallsBackTwice(Honest):
         return result
 
 
-class Flattens(Honest):
-    """Lowers the mean shape by a little, and calls it a trade."""
+class Untangles(Honest):
+    """Says that it untangles, and moves all vertices by a little."""
 
     untangles = True
 
     def shift(self, xy, chosen, setting, number, colours):
         xy[chosen] += (0.1, 0.05)
-
-    def run(self, mesh, chosen=""):
-        result = super().run(mesh)
-        shapes = {"before": result.before.mean["shape"], "after": result.after.mean["shape"]}
-        trade = Trade(figure="mean_shape", gained="scaled_jacobian", **shapes)
-        return replace(result, outcome=replace(result.outcome, trades=(trade,)))
 
 
 class ExcusesNothing(Honest):
@@ -119,7 +114,7 @@ class ExcusesNothing(Honest):
 
     def run(self, mesh, chosen=""):
         result = super().run(mesh)
-        trade = Trade(figure="mean_shape", gained="scaled_jacobian", before=1.0, after=0.9)
+        trade = Trade(figure="mean_shape", before=1.0, after=0.9)
         return replace(result, outcome=replace(result.outcome, trades=(trade,)))
 
 
@@ -186,7 +181,7 @@ ONE_RUN = {
     "moves the boundary": (MovesTheBoundary(guard="clearance"), "moved what is fixed"),
     "sweeps on": (SweepsOn(max_sweeps=3, rtol=0.0), "too many sweeps"),
     "calls back twice": (CallsBackTwice(), "the callback heard something else"),
-    "excuses nothing": (ExcusesNothing(), "a trade that is not told, or was none"),
+    "excuses nothing": (ExcusesNothing(), "a trade that was none"),
     "unchanged is a lie": (telling(unchanged=False)(), "says that it is unchanged"),
     "stop is a lie": (telling(stop=Stop.NOTHING_MOVES)(), "whether a vertex can move"),
     "valid is a lie": (telling(stop=Stop.TIME_LIMIT)(), "stopped by time_limit"),
@@ -228,23 +223,83 @@ def with_a_bad_corner():
 
 
 @dataclass(frozen=True, kw_only=True)
-class Trades(Flattens):
+class Holds(Untangles):
+    hold: tuple = option((), help="What is held.")
     mean_loss: float = option(0.1, within="[0, 1)", help="May be lost.")
 
 
+class HoldsBadly(Holds):
+    def shift(self, xy, chosen, setting, number, colours):
+        xy[chosen] += (0.35, 0.15)
+
+
+def judged(outcome, kind="squares"):
+    """Give an outcome what the optimiser's has."""
+    sizes = Sizes(
+        area_low=1.0, area_median=1.0, area_high=1.0, min_edge_before=1.0, min_edge_after=1.0,
+        layers=0.0,
+    )  # fmt: skip
+    return replace(outcome, target=Target(kind=kind, before=1.0, after=1.0), sizes=sizes)
+
+
 @pytest.mark.parametrize(
-    ("method", "message"),
+    ("mesh", "method", "message"),
     [
-        (Flattens, "gave up more than is allowed"),
-        (Trades, "gave up the mean shape for nothing"),
+        (honest_mesh(), Untangles, "angle|a worse cell"),
+        (with_a_bad_corner(), Untangles, "lost of the mean"),
+        (with_a_bad_corner(), functools.partial(Holds, hold=("shape",), mean_loss=0.9), ""),
+        (
+            with_a_bad_corner(),
+            functools.partial(HoldsBadly, hold=("min_edge",)),
+            "a worse min_edge",
+        ),
     ],
 )
-def test_a_trade_that_was_none_is_caught_whatever_the_outcome_says(method, message):
-    seen = promises.run(with_a_bad_corner(), method(guard="clearance", max_sweeps=1))
-    (trade,) = seen.result.outcome.trades
-    assert trade.after < trade.before
-    with pytest.raises(AssertionError, match=message):
+def test_what_is_held_is_measured(mesh, method, message):
+    seen = promises.run(mesh, method(guard="clearance", max_sweeps=1))
+    if message:
+        with pytest.raises(AssertionError, match=message):
+            promises.figures_get_no_worse(seen)
+    else:
         promises.figures_get_no_worse(seen)
+
+
+@pytest.mark.parametrize(
+    ("check", "message"),
+    [
+        (promises.figures_get_no_worse, "tells another mean"),
+        (promises.trades_are_told, "a trade of min_edge untold|a trade of mean_shape untold"),
+        (promises.sizes_are_told, "other areas"),
+    ],
+)
+def test_what_is_told_is_measured(check, message):
+    seen = promises.run(with_a_bad_corner(), HoldsBadly(guard="clearance", max_sweeps=1))
+    outcome = judged(seen.result.outcome, "ideal")
+    seen = replace(seen, result=replace(seen.result, outcome=outcome))
+    with pytest.raises(AssertionError, match=message):
+        check(seen)
+
+
+@pytest.mark.parametrize(
+    ("lie", "message"),
+    [
+        ({"figure": "shape"}, "a figure that is not held"),
+        ({"cell": 0}, "a cell that nothing changes"),
+        ({}, ""),
+        ({"value": 120.0}, "held at what is worse"),
+    ],
+)
+def test_what_is_said_to_hold_back_is_looked_at(lie, message):
+    mesh = Mesh(*grid(4, 4), fixed=[6])
+    seen = promises.run(mesh, Untangles(guard="clearance", max_sweeps=0))
+    held = replace(Held(figure="max_angle", value=90.0, cell=5, vertices=1), **lie)
+    outcome = replace(seen.result.outcome, held=(held,), stop=Stop.SETTLED)
+    seen = replace(seen, result=replace(seen.result, outcome=outcome))
+    if message:
+        with pytest.raises(AssertionError, match=message):
+            promises.what_holds_back_is_told(seen)
+    else:
+        promises.what_holds_back_is_told(seen)
 
 
 def test_an_honest_method_passes():

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from qsmooth import Outcome, Stop
-from qsmooth.outcome import Aim, Cut, Forbidden, Invalid, Stage, Trade
+from qsmooth.outcome import Aim, Cut, Forbidden, Held, Invalid, Sizes, Stage, Target, Trade
 from qsmooth.wording import UNCHANGED, reason
 from test_outcome import FULL, LIMITS
 
@@ -70,9 +70,18 @@ UNTANGLED = Outcome(
             "then the worst cells in 1 sweep",
         ),
         (
-            replace(STAGED, stop=Stop.TARGET_QUALITY, stop_at=0.6, stages=STAGED.stages[:1]),
+            replace(STAGED, stop=Stop.STOP_QUALITY, stop_at=0.6, stages=STAGED.stages[:1]),
             "improved the mean shape in 20 sweeps and 1 Newton step on the whole mesh; "
-            "the worst cell reached target_quality=0.6",
+            "the worst cell reached stop_quality=0.6",
+        ),
+        (
+            replace(
+                STAGED,
+                stop=Stop.MAX_SWEEPS,
+                stages=(STAGED.stages[0], Stage(aim=Aim.WORST_CELLS, sweeps=0)),
+            ),
+            "improved the mean shape in 20 sweeps and 1 Newton step on the whole mesh; "
+            "stopped after 20 sweeps, as max_sweeps says",
         ),
         (UNTANGLED, "untangled 4 cells in 3 sweeps"),
         (
@@ -104,13 +113,24 @@ def test_what_is_said(outcome, text):
 
 
 def test_what_was_given_up_and_what_was_not():
-    traded = replace(
-        STAGED,
-        trades=(Trade(figure="mean_shape", before=0.9, after=0.85, gained="scaled_jacobian"),),
+    gain = {"gained": "min_angle", "gained_before": 8.4, "gained_after": 40.3}
+    aspect = Trade(figure="aspect_ratio", before=20.0, after=33.0, **gain)
+    assert reason(replace(STAGED, trades=(aspect,))).endswith(
+        "; largest aspect ratio 20 -> 33, for a smallest angle of 8.4° -> 40.3°; hold it with "
+        "hold='aspect_ratio'"
     )
-    assert (
-        "the worst cells went first, as not all figures could be had: mean shape 0.900 -> 0.850"
-        in reason(traded)
+    edge = Trade(figure="min_edge", before=0.5, after=0.25, **gain)
+    mean = Trade(figure="mean_shape", before=0.9, after=0.85, **gain)
+    assert reason(replace(STAGED, trades=(aspect, edge, mean))).endswith(
+        "; largest aspect ratio 20 -> 33, shortest edge 0.5 -> 0.25 and mean shape 0.900 -> 0.850, "
+        "for a smallest angle of 8.4° -> 40.3°; hold them with hold='aspect_ratio,min_edge'"
+    )
+    assert reason(replace(STAGED, trades=(mean,))).endswith(
+        "; mean shape 0.900 -> 0.850, for a smallest angle of 8.4° -> 40.3°"
+    )
+    for_nothing = Trade(figure="shape", before=0.2, after=0.1)
+    assert reason(replace(STAGED, trades=(for_nothing,))).endswith(
+        "; smallest shape 0.2 -> 0.1; hold it with hold='shape'"
     )
     forbidden = replace(
         STAGED, unchanged=True, forbidden=Forbidden(scaled_jacobian=0.4321, mean_loss=0.02)
@@ -121,6 +141,61 @@ def test_what_was_given_up_and_what_was_not():
     )
     assert UNCHANGED not in reason(forbidden)
     assert UNCHANGED in reason(replace(STAGED, unchanged=True))
+
+
+def test_where_what_is_held_kept_something_from_getting_better():
+    angle = Held(figure="max_angle", value=129.66, cell=4711, vertices=12)
+    ratio = Held(figure="aspect_ratio", value=19.93, cell=3, vertices=1)
+    text = reason(replace(STAGED, held=(angle, ratio)))
+    assert text.endswith(
+        "; the largest angle, held at 129.7°, keeps 12 vertices from better places, as at cell "
+        "4711; the largest aspect ratio, held at 19.9, keeps 1 vertex from a better place, as at "
+        "cell 3"
+    )
+    unchanged = reason(replace(STAGED, unchanged=True, held=(angle,)))
+    assert unchanged.startswith("the largest angle, held at 129.7°, keeps 12 vertices from")
+    assert UNCHANGED not in unchanged
+
+
+def test_what_became_of_sizes_and_of_the_target():
+    sizes = Sizes(
+        area_low=0.97, area_median=1.0, area_high=1.31, min_edge_before=0.159,
+        min_edge_after=0.519, layers=0.12,
+    )  # fmt: skip
+    told = replace(STAGED, sizes=sizes)
+    assert reason(told).endswith(
+        "; cell areas x 0.97 to 1.31; shortest edge 0.159 -> 0.519; 12 % of the cells are layers "
+        "and were kept"
+    )
+    assert "layers" not in reason(replace(told, sizes=replace(sizes, layers=0.0)))
+    for layers, words in {
+        0.001: "0.1 % of the cells",
+        0.9297: "93 % of the cells",
+        0.998: "over 99 % of the cells",
+        1.0: "all cells",
+    }.items():
+        text = reason(replace(told, sizes=replace(sizes, layers=layers)))
+        assert text.endswith(f"; {words} are layers and were kept")
+    large = replace(sizes, area_low=1e-4, area_high=15115.8)
+    assert "cell areas x 0.0001 to 1.5e+04;" in reason(replace(told, sizes=large))
+    # Once is enough.
+    trade = Trade(figure="min_edge", before=0.5, after=0.25)
+    assert reason(replace(told, trades=(trade,))).count("shortest edge") == 1
+    assert "cell areas" not in reason(replace(told, unchanged=True))
+    assert "target" not in reason(replace(told, target=Target(kind="ideal", before=0.7, after=0.9)))
+    for kind, words in {
+        "squares": "ideal shapes beside layers and gradings as they are",
+        "ratios": "rectangles",
+        "initial": "the cells as they were, with right angles",
+        "metric": "the metric",
+    }.items():
+        aimed = replace(told, target=Target(kind=kind, before=0.71, after=0.95))
+        assert f"; mean quality towards {words} 0.710 -> 0.950; cell areas" in reason(aimed)
+    both = Target(kind="metric", before=0.71, after=0.95, ideal_before=0.8, ideal_after=0.35)
+    assert (
+        "; mean quality towards the metric 0.710 -> 0.950, towards ideal shapes alone 0.800 -> "
+        "0.350; cell areas"
+    ) in reason(replace(told, target=both))
 
 
 @pytest.mark.parametrize(

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 
 
 def plural(n: int, one: str, many: str = "") -> str:
     """Count things: "1 cell", "3 cells"."""
     return f"{n} {one if n == 1 else many or one + 's'}"
+
+
+def in_a_row(names: Sequence[str]) -> str:
+    """List names in a sentence: "angle, quad and star"."""
+    return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
 
 
 def capitalised(text: str) -> str:

@@ -12,6 +12,7 @@ from qsmooth._words import plural
 from qsmooth.adapters import to_mesh
 from qsmooth.mesh import Mesh
 from qsmooth.metrics import Validity, quality
+from qsmooth.metrics.impossible import impossible
 
 # A vertex hangs on an edge when it is this near to it, as a fraction of the edge's length: files
 # often keep no more than six or seven figures.
@@ -134,6 +135,7 @@ def inspect(mesh: Any) -> Inspection:
     n_turned = int(topology.turned.sum())
     validity = quality(mesh).validity
     classes = np.bincount(validity, minlength=len(Validity))
+    proof = impossible(topology, mesh.xy, topology.movable())
     regions: dict[int, int] = {}
     if mesh.regions is not None:
         ids, counts = np.unique(mesh.regions, return_counts=True)
@@ -155,6 +157,18 @@ def inspect(mesh: Any) -> Inspection:
             "cells not valid",
             "collapsed, concave, crossed or inverted",
             np.flatnonzero(validity != Validity.VALID),
+            "cell",
+        ),
+        _list(
+            "doublets",
+            "interior vertices with two cells, of which one can't be valid",
+            np.flatnonzero(proof.doublets),
+            "vertex",
+        ),
+        _list(
+            "cells that can't be valid",
+            "wherever the vertices go that may move",
+            np.flatnonzero(proof.cells),
             "cell",
         ),
     )

@@ -15,7 +15,7 @@ class Stop(StrEnum):
 
     RESTS = "rests"  # every vertex moves by less than `rtol` of its shortest edge
     SETTLED = "settled"  # quality no longer improves
-    TARGET_QUALITY = "target_quality"  # the worst cell is as good as was asked for
+    STOP_QUALITY = "stop_quality"  # the worst cell is as good as was asked for
     VALID = "valid"  # all cells are valid, which was all that was asked for
     STUCK = "stuck"  # untangling found no way for the cells that stay invalid
     MAX_SWEEPS = "max_sweeps"
@@ -66,20 +66,70 @@ class Stage:
 
 @dataclass(frozen=True, kw_only=True)
 class Trade:
-    """A figure that got worse for the sake of another.
+    """A figure that got worse by over one percent, while another got better.
 
     Attributes
     ----------
     figure, before, after
-        The one that was given up: ``mean_shape``.
-    gained
-        The one that it was given for: ``scaled_jacobian``.
+        The one that was given up: ``aspect_ratio``, ``shape``, ``min_edge`` (the worst of the mesh)
+        or ``mean_shape``.
+    gained, gained_before, gained_after
+        The one that gained most meanwhile: one of these, ``min_angle``, ``max_angle``,
+        ``scaled_jacobian``, or ``target``, the mean quality towards the target; "" for none.
     """
 
     figure: str
     before: float
     after: float
-    gained: str
+    gained: str = ""
+    gained_before: float = math.nan
+    gained_after: float = math.nan
+
+
+@dataclass(frozen=True, kw_only=True)
+class Target:
+    """What cells were meant to be.
+
+    Attributes
+    ----------
+    kind
+        ``ideal``: squares and equilateral triangles; ``squares``: these, beside layers, gradings
+        and stretched triangles as the mesh has them; ``ratios``: rectangles; ``initial``;
+        ``metric``.
+    before, after
+        Mean quality of the cells towards that, 1 at best.
+    ideal_before, ideal_after
+        The same towards squares and equilateral triangles: the mean shape.
+    """
+
+    kind: str
+    before: float
+    after: float
+    ideal_before: float = math.nan
+    ideal_after: float = math.nan
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sizes:
+    """What became of the sizes of cells.
+
+    Attributes
+    ----------
+    area_low, area_median, area_high
+        Areas of the cells over what they were, the 1st, 50th and 99th percentile; 1 where no cell
+        had an area.
+    min_edge_before, min_edge_after
+        The shortest edge.
+    layers
+        Share of the cells that are of layers, and were kept.
+    """
+
+    area_low: float
+    area_median: float
+    area_high: float
+    min_edge_before: float
+    min_edge_after: float
+    layers: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,8 +143,11 @@ class Invalid:
     first
         The first that is, -1 where there is none.
     proven, first_proven
-        Of those that are, how many no method can mend, as the three vertices of a corner that is
-        not convex are all fixed; and the first of these, -1 where there is none.
+        Of those that are, how many no method can mend; and the first of these, -1 where there is
+        none. Either what is fixed keeps a corner from being convex, or it is a doublet's.
+    proven_doublets
+        Of those proven, how many are one of the two cells of an interior vertex that has no more:
+        their angles there add up to 360 degrees.
     """
 
     before: int
@@ -102,6 +155,7 @@ class Invalid:
     first: int = -1
     proven: int = 0
     first_proven: int = -1
+    proven_doublets: int = 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,6 +194,34 @@ class Forbidden:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Held:
+    """A figure that is held, and what that keeps from getting better.
+
+    It is told of a run that stopped by itself, where a vertex had a step to take, all others being
+    where they are, that makes the cells around it better by over one percent, and this figure of
+    one of them worse than it is held at. Where a step would break several figures the first of
+    these counts: smallest angle, largest angle, scaled Jacobian, aspect ratio, shape, edge.
+
+    Attributes
+    ----------
+    figure
+        ``min_angle``, ``max_angle``, ``scaled_jacobian``, ``aspect_ratio``, ``shape`` or
+        ``min_edge``.
+    value
+        The worst that is allowed in the region of the cell: what it was there at first.
+    cell
+        The cell that would get worse than that, of the vertex that would gain most.
+    vertices
+        How many vertices it keeps where they are.
+    """
+
+    figure: str
+    value: float
+    cell: int
+    vertices: int
+
+
+@dataclass(frozen=True, kw_only=True)
 class Outcome:
     """What a method did and why it stopped.
 
@@ -149,7 +231,7 @@ class Outcome:
         Its name.
     stop, stop_at
         Why it stopped; and the value of the option that stopped it (``rtol``, ``max_sweeps``,
-        ``time_limit`` or ``target_quality``), NaN where none did.
+        ``time_limit`` or ``stop_quality``), NaN where none did.
     chosen
         Why ``"auto"`` took the method; "" where it was asked for by name or is the usual one.
     guarded, untangles
@@ -163,13 +245,20 @@ class Outcome:
     largest_share
         Longest move of the last sweep as a share of its vertex's shortest edge.
     trades
-        What got worse for the sake of something else.
+        What got worse by over one percent while something else gained; of a mesh that was untangled
+        first, worse than then.
     forbidden
         What could have been better at a cost that an option forbids.
+    held
+        Where what is held kept something from getting better, a record a figure.
     invalid
         What is or was not valid; None in a mesh of valid cells that stays one.
     cut
         How quads were cut in two, where they were.
+    target
+        What cells were meant to be, and how near they are; None of methods without such an aim.
+    sizes
+        What became of the cells' sizes; None of methods without such an aim.
     limits
         Provable bounds of the angles, `qsmooth.Limits`, where the method works them out.
     """
@@ -186,8 +275,11 @@ class Outcome:
     largest_share: float = 0.0
     trades: tuple[Trade, ...] = ()
     forbidden: Forbidden | None = None
+    held: tuple[Held, ...] = ()
     invalid: Invalid | None = None
     cut: Cut | None = None
+    target: Target | None = None
+    sizes: Sizes | None = None
     limits: Any = None
 
     @property
@@ -198,9 +290,9 @@ class Outcome:
     def to_dict(self) -> dict[str, Any]:
         """Plain values, fit for JSON: None for what is not finite."""
         plain: dict[str, Any] = {**vars(self), "stop": self.stop.value, "sweeps": self.sweeps}
-        for name in ("stages", "trades"):
+        for name in ("stages", "trades", "held"):
             plain[name] = [asdict(record) for record in plain[name]]
-        for name in ("forbidden", "invalid", "cut"):
+        for name in ("forbidden", "invalid", "cut", "target", "sizes"):
             plain[name] = None if plain[name] is None else asdict(plain[name])
         plain["limits"] = None if self.limits is None else self.limits.to_dict()
         made_finite: dict[str, Any] = finite(plain)

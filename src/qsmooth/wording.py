@@ -2,11 +2,29 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
-from qsmooth._words import plural
-from qsmooth.outcome import Aim, Invalid, Outcome, Stage, Stop
+from qsmooth._words import in_a_row, plural
+from qsmooth.outcome import Aim, Held, Invalid, Outcome, Sizes, Stage, Stop, Target, Trade
 
+# Figures in words, and how they are written.
+_FIGURES: dict[str, tuple[str, str]] = {
+    "min_angle": ("smallest angle", "{:.1f}°"),
+    "max_angle": ("largest angle", "{:.1f}°"),
+    "scaled_jacobian": ("smallest scaled Jacobian", "{:.3g}"),
+    "aspect_ratio": ("largest aspect ratio", "{:.3g}"),
+    "shape": ("smallest shape", "{:.3g}"),
+    "min_edge": ("shortest edge", "{:.3g}"),
+    "mean_shape": ("mean shape", "{:.3f}"),
+    "target": ("mean quality towards the target", "{:.3f}"),
+}
+_TARGETS = {
+    "squares": "ideal shapes beside layers and gradings as they are",
+    "ratios": "rectangles",
+    "initial": "the cells as they were, with right angles",
+    "metric": "the metric",
+}
 UNCHANGED = "already as good as this method gets: unchanged"
 
 
@@ -31,6 +49,7 @@ def reason(outcome: Outcome, *, spell: Callable[[str], str] = str, limits: bool 
         )
     if not outcome.unchanged:
         parts += _done(outcome)
+        parts += [*_towards(outcome.target), *_sizes(outcome.sizes, outcome.trades)]
     parts += [*_given_up(outcome, spell), *_why(outcome, spell)]
     parts += _not_valid(outcome)
     if limits and outcome.limits is not None:
@@ -62,24 +81,89 @@ def _improved(stage: Stage, _: Outcome) -> str:
 
 
 def _mended(stage: Stage, _: Outcome) -> str:
+    if not stage.sweeps:
+        return ""
     return f"then the worst cells in {plural(stage.sweeps, 'sweep')}"
 
 
 def _given_up(outcome: Outcome, spell: Callable[[str], str]) -> list[str]:
     """What got worse for something else, and what could have been had for that."""
-    words = {"mean_shape": "mean shape", "scaled_jacobian": "the worst cells"}
-    said = [
-        f"{words[trade.gained]} went first, as not all figures could be had: "
-        f"{words[trade.figure]} {trade.before:.3f} -> {trade.after:.3f}"
-        for trade in outcome.trades
-    ]
+    said = []
+    by_gain: dict[str, list[Trade]] = {}
+    for trade in outcome.trades:
+        by_gain.setdefault(trade.gained, []).append(trade)
+    for trades in by_gain.values():
+        text = in_a_row([_change(t.figure, t.before, t.after) for t in trades])
+        gained = trades[0].gained
+        if gained:
+            gain = _change(gained, trades[0].gained_before, trades[0].gained_after, " of")
+            text += f", for {'an' if gain[0] in 'aeiou' else 'a'} {gain}"
+        said.append(text)
+        if held := [t.figure for t in trades if t.figure != "mean_shape"]:
+            them = "it" if len(held) == 1 else "them"
+            listed = ",".join(held)
+            said.append(f"hold {them} with " + spell(f"hold='{listed}'"))
     if outcome.forbidden is not None:
         said.append(
             "the worst cells could be better (smallest scaled Jacobian "
             f"{outcome.forbidden.scaled_jacobian:.2f}), but at a cost to the mean shape that "
             f"{spell('mean_loss')}={outcome.forbidden.mean_loss:g} forbids"
         )
+    said += [_kept(held) for held in outcome.held]
     return said
+
+
+def _kept(held: Held) -> str:
+    """Where what is held kept something from getting better."""
+    name, form = _FIGURES[held.figure]
+    places = "a better place" if held.vertices == 1 else "better places"
+    return (
+        f"the {name}, held at {form.format(held.value)}, keeps "
+        f"{plural(held.vertices, 'vertex', 'vertices')} from {places}, as at cell {held.cell}"
+    )
+
+
+def _change(figure: str, before: float, after: float, of: str = "") -> str:
+    """A figure before and after: "largest aspect ratio 20 -> 33"."""
+    name, form = _FIGURES[figure]
+    return f"{name}{of} {form.format(before)} -> {form.format(after)}"
+
+
+def _towards(target: Target | None) -> list[str]:
+    """How near the cells are to what they are meant to be, where that is not the ideal shape."""
+    if target is None or target.kind == "ideal":
+        return []
+    words = _TARGETS[target.kind]
+    text = f"mean quality towards {words} {target.before:.3f} -> {target.after:.3f}"
+    if math.isfinite(target.ideal_after):
+        text += (
+            f", towards ideal shapes alone {target.ideal_before:.3f} -> {target.ideal_after:.3f}"
+        )
+    return [text]
+
+
+def _sizes(sizes: Sizes | None, trades: tuple[Trade, ...]) -> list[str]:
+    """What became of the cells' sizes; of a shorter edge the trade tells."""
+    if sizes is None:
+        return []
+    said = [f"cell areas x {_factor(sizes.area_low)} to {_factor(sizes.area_high)}"]
+    if all(trade.figure != "min_edge" for trade in trades):
+        said.append(_change("min_edge", sizes.min_edge_before, sizes.min_edge_after))
+    if sizes.layers:
+        said.append(f"{_share(sizes.layers)} cells are layers and were kept")
+    return said
+
+
+def _factor(value: float) -> str:
+    return f"{value:.2f}" if 0.01 <= value < 100.0 else f"{value:.2g}"
+
+
+def _share(value: float) -> str:
+    """Say a share of the cells: "0.12 % of the", "93 % of the", "all"."""
+    percent = 100.0 * value
+    if value == 1.0:
+        return "all"
+    return f"{percent:.2g} % of the" if percent < 99.0 else "over 99 % of the"
 
 
 def _why(outcome: Outcome, spell: Callable[[str], str]) -> list[str]:
@@ -101,10 +185,10 @@ def _why(outcome: Outcome, spell: Callable[[str], str]) -> list[str]:
             f"stopped after {plural(outcome.sweeps, 'sweep')}, as {spell('max_sweeps')} says"
             + _still_moving(outcome)
         ]
-    if outcome.stop is Stop.TARGET_QUALITY:
-        return [f"the worst cell reached {spell('target_quality')}={outcome.stop_at:g}"]
+    if outcome.stop is Stop.STOP_QUALITY:
+        return [f"the worst cell reached {spell('stop_quality')}={outcome.stop_at:g}"]
     if outcome.unchanged:
-        return [] if outcome.forbidden or outcome.invalid else [UNCHANGED]
+        return [] if outcome.forbidden or outcome.held or outcome.invalid else [UNCHANGED]
     if outcome.stop is Stop.RESTS:
         return [
             f"every vertex rests: none moved by over {outcome.stop_at:.3g} of its shortest edge"
@@ -147,10 +231,18 @@ def _stays_invalid(invalid: Invalid) -> str:
         f"{'stays' if invalid.after == 1 else 'stay'} invalid, the first is cell {invalid.first}"
     )
     if invalid.proven:
-        text += (
-            f"; for {invalid.proven} of them nothing can help, as the vertices of a corner that "
-            f"is not convex are all fixed (the first is cell {invalid.first_proven})"
-        )
+        reasons = []
+        if fixed := invalid.proven - invalid.proven_doublets:
+            reasons.append(
+                f"for {fixed} of them nothing can help, as what is fixed keeps a corner from being "
+                "convex"
+            )
+        if invalid.proven_doublets:
+            reasons.append(
+                f"for {invalid.proven_doublets} of them nothing can help, as an interior vertex "
+                "has no other cell than two, and one of these has 180 degrees or more there"
+            )
+        text += f"; {'; '.join(reasons)} (the first is cell {invalid.first_proven})"
     if open_ := invalid.after - invalid.proven:
         text += f"; for {open_} no way was found, which does not prove that there is none"
     return text

@@ -39,6 +39,10 @@ def other_value(spec):
         written = [choice for choice in spec.choices if isinstance(choice, str)]
         value = next((choice for choice in written if choice != spec.default), written[0])
         return value, [flag, value]
+    if spec.name == "hold":
+        return ("aspect_ratio", "shape"), [flag, "shape,aspect_ratio"]
+    if spec.name == "target":
+        return "initial", [flag, "initial"]
     if spec.kind == "object":
         return [0, 1], [flag, "0,1"]
     low, high = spec.interval.low, min(spec.interval.high, spec.interval.low + 1e6)

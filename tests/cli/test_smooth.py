@@ -41,8 +41,9 @@ OPTIONS = [
         "selection": "max_angle > 130", "selection_rings": 1,
     }),
     ("optimize", {
-        "worst": False, "target_quality": 0.9, "time_limit": 1000.0, "mean_loss": 0.2,
-        "objective": "shape", "selection": [3, 7, 12], "selection_rings": 2,
+        "worst": False, "stop_quality": 0.9, "time_limit": 1000.0, "mean_loss": 0.2,
+        "objective": "shape-size", "size_weight": 0.5, "target": "initial",
+        "hold": ["aspect_ratio", "shape"], "selection": [3, 7, 12], "selection_rings": 2,
     }),
     ("aspect-ratio", {"split_quads": "first", "max_edge_ratio": 1.5}),
     ("angle", {"guard": "none", "step": 0.5}),
@@ -70,7 +71,7 @@ def arguments_for(options):
     words = []
     for name, value in options.items():
         option = "--" + name.replace("_", "-")
-        if name == "selection" and not isinstance(value, str):
+        if isinstance(value, list):
             value = ",".join(map(str, value))
         if isinstance(value, bool):
             words += [option if value else option.replace("--", "--no-", 1)]
@@ -192,7 +193,17 @@ def test_json_does_not_destroy_the_mesh(fails, mesh_file, tmp_path, command):
         (["--selection", "beauty > 3"], "such as 'max_angle > 150' on one of min_angle,"),
         (["--selection", "2,100000"], "1 cell id in --selection is outside 0 .. "),
         (["--selection-rings", -1], "--selection-rings must be an integer of 0 or more"),
-        (["--target-quality", 2], "--target-quality must be in (0, 1], got 2.0"),
+        (["--stop-quality", 2], "--stop-quality must be in (0, 1], got 2.0"),
+        (
+            ["--hold", "aspect"],
+            "--hold takes 'aspect_ratio', 'shape' or 'min_edge', got 'aspect'; "
+            "did you mean 'aspect_ratio'?",
+        ),
+        (
+            ["--target", "idle"],
+            "--target must be 'auto', 'ideal' or 'initial', got 'idle'; did you mean 'ideal'?",
+        ),
+        (["--size-weight", -1], "--size-weight must be 0 or more, got -1.0"),
         (["--time-limit", 0], "--time-limit must be over 0 seconds, got 0.0"),
         (["--mean-loss", 1], "--mean-loss must be in [0, 1), got 1.0"),
         (["--weights", "heavy"], "--weights"),

@@ -8,7 +8,22 @@ from hypothesis import given
 
 from meshes import KINDS, grid, random_mesh, random_meshes
 from qsmooth import Mesh
-from qsmooth.kernels.blocks import FIRST, LANES, N_QUADS, N_TRIANGLES, SIZE, STAR, build_blocks
+from qsmooth.kernels.blocks import (
+    FIRST,
+    LANES,
+    N_QUADS,
+    N_TRIANGLES,
+    ROWS,
+    SHAPES,
+    SIZE,
+    SIZES,
+    STAR,
+    WALLS,
+    build_blocks,
+    make_rows,
+    row_corners,
+)
+from qsmooth.kernels.corner_energy import EQUILATERAL, SQUARE
 from qsmooth.kernels.stars import NO_VERTEX
 
 
@@ -18,14 +33,19 @@ def blocks_of(mesh):
 
 
 def rows_of(schedule, i):
-    """Quads (a, b, c) and triangles (a, c) of one vertex of a schedule."""
+    """Quads (a, b, c) and triangles (a, c) of one vertex of a schedule, and all their cells."""
     rows = schedule.corners[schedule.offsets[i] : schedule.offsets[i + 1]].tolist()
-    quads = [tuple(row) for row in rows if row[1] != NO_VERTEX]
-    return quads, [(row[0], row[2]) for row in rows if row[1] == NO_VERTEX]
+    cells = schedule.cells[schedule.offsets[i] : schedule.offsets[i + 1]].tolist()
+    both = list(zip(rows, cells, strict=True))
+    quads = [(tuple(row), c) for row, c in both if row[1] != NO_VERTEX]
+    triangles = [((row[0], row[2]), c) for row, c in both if row[1] == NO_VERTEX]
+    return [q for q, _ in quads], [t for t, _ in triangles], [c for _, c in quads + triangles]
 
 
 def check(mesh):
-    schedule, (colour_blocks, blocks, vertices, stars, largest) = blocks_of(mesh)
+    schedule, made = blocks_of(mesh)
+    colour_blocks, blocks, vertices, stars, cells, largest = made
+    corners_of_rows = row_corners(made, *mesh.topology.cells)
     n = schedule.vertices.size
     assert largest == schedule.largest
     position = {v: i for i, v in enumerate(schedule.vertices.tolist())}
@@ -33,25 +53,33 @@ def check(mesh):
     assert sorted(rows) == list(range(n))
     assert colour_blocks[0] == 0
     assert colour_blocks[-1] == len(blocks)
-    first, entry = 0, 0
+    first, entry, first_row = 0, 0, 0
     for colour, (start, stop) in enumerate(itertools.pairwise(colour_blocks)):
         for block in blocks[start:stop].astype(int):
             size, n_quads, n_triangles = block[SIZE], block[N_QUADS], block[N_TRIANGLES]
             assert 1 <= size <= LANES
             assert block[FIRST] == first
             assert block[STAR] == entry
+            assert block[ROWS] == first_row
             n_corners = 3 * n_quads + 2 * n_triangles
             table = stars[entry : entry + n_corners * size].reshape(n_corners, size)
+            n_rows = (n_quads + n_triangles) * size
+            in_rows = cells[first_row : first_row + n_rows].reshape(-1, size)
+            positions = corners_of_rows[first_row : first_row + n_rows].reshape(-1, size)
             for lane in range(size):
-                quads, triangles = rows_of(schedule, rows[first + lane])
+                quads, triangles, own = rows_of(schedule, rows[first + lane])
+                assert in_rows[:, lane].tolist() == own
+                assert (mesh.topology.corner_cells[positions[:, lane]] == own).all()
+                assert (mesh.cell_vertices[positions[:, lane]] == vertices[first + lane]).all()
                 corners = table[:, lane].tolist()
                 assert [tuple(q) for q in np.reshape(corners[: 3 * n_quads], (-1, 3))] == quads
                 pairs = np.reshape(corners[3 * n_quads :], (-1, 2))
                 assert [tuple(p) for p in pairs] == triangles
-            first, entry = first + size, entry + n_corners * size
+            first, entry, first_row = first + size, entry + n_corners * size, first_row + n_rows
         assert first == schedule.colour_offsets[colour + 1]
     assert first == n
     assert entry == stars.size
+    assert first_row == cells.size == corners_of_rows.size
 
 
 @pytest.mark.nojit
@@ -77,6 +105,80 @@ def test_blocks_are_full_where_all_stars_are_alike():
 
 @pytest.mark.nojit
 def test_no_movable_vertex_makes_no_block():
-    _, (colour_blocks, blocks, vertices, stars, largest) = blocks_of(Mesh(*grid(1, 3)))
+    _, (colour_blocks, blocks, vertices, stars, cells, largest) = blocks_of(Mesh(*grid(1, 3)))
     assert colour_blocks[-1] == 0
-    assert len(blocks) == vertices.size == stars.size == largest == 0
+    assert len(blocks) == vertices.size == stars.size == cells.size == largest == 0
+
+
+# ------------------------------------------------------------------------------- what is asked
+
+
+def asked_of(mesh):
+    """Blocks of a mesh, the corners of their rows, and what asks for nothing but ideal shapes."""
+    _, blocks = blocks_of(mesh)
+    is_triangle = mesh.topology.cell_sizes == 3
+    shapes = np.where(is_triangle[mesh.topology.corner_cells, None], EQUILATERAL, SQUARE)
+    figures = np.zeros((3, mesh.n_cells))
+    return blocks, row_corners(blocks, *mesh.topology.cells), (shapes, *figures)
+
+
+def of_blocks(blocks, of_rows):
+    """Whether any row of each block is marked."""
+    starts = blocks.table[:, ROWS].astype(int)
+    return [bool(some.any()) for some in np.split(of_rows, starts[1:])]
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("kind", ["quads", "triangles", "mixed"])
+def test_ideal_shapes_of_any_size_ask_for_nothing(kind):
+    mesh = random_mesh(kind, 5, seed=1).mesh
+    blocks, corners, asked = asked_of(mesh)
+    rows = make_rows(blocks, corners, *asked, np.ones(mesh.n_cells))
+    assert not rows.asks.any()
+    assert rows.asks.size == len(blocks.table)
+    assert (rows.near == 1.0).all()
+    assert rows.near.size == blocks.cells.size
+
+
+@pytest.mark.nojit
+def test_a_block_asks_for_what_one_of_its_rows_does():
+    mesh = random_mesh("mixed", 6, seed=1).mesh
+    blocks, corners, (shapes, area, size_weight, slim) = asked_of(mesh)
+    first, last = blocks.cells[0], blocks.cells[-1]
+    area[:] = 2.0
+    shapes[corners[3]] *= 1.5
+    size_weight[first], slim[last] = 0.3, 0.7
+    rows = make_rows(blocks, corners, shapes, area, size_weight, slim, np.ones(mesh.n_cells))
+    of_cell = blocks.cells
+    for flag, marked in (
+        (SHAPES, corners == corners[3]),
+        (SIZES, of_cell == first),
+        (WALLS, of_cell == last),
+    ):
+        assert ((rows.asks & flag) > 0).tolist() == of_blocks(blocks, marked)
+        assert 0 < sum(of_blocks(blocks, marked)) < len(blocks.table)
+    assert np.array_equal(np.stack([rows.m11, rows.m12, rows.m22], axis=1), shapes[corners])
+    assert np.array_equal(rows.slim, slim[of_cell])
+    # Areas that do not count are none.
+    assert np.array_equal(rows.area, np.where(of_cell == first, 2.0, 0.0))
+    assert np.array_equal(rows.inv_area, np.where(of_cell == first, 0.5, 0.0))
+
+
+@pytest.mark.nojit
+def test_cells_that_count_for_more_have_their_walls_where_they_were():
+    mesh = random_mesh("mixed", 6, seed=1).mesh
+    blocks, corners, (shapes, area, size_weight, slim) = asked_of(mesh)
+    weight = np.linspace(0.5, 2.0, mesh.n_cells)
+    slim[:] = 0.7
+    rows = make_rows(blocks, corners, shapes, area, size_weight, slim, weight)
+    counts = weight[blocks.cells]
+    assert rows.m11 == pytest.approx(counts * shapes[corners, 0])
+    assert rows.slim * counts == pytest.approx(np.full(counts.size, 0.7))
+
+
+@pytest.mark.nojit
+def test_where_no_vertex_moves_nothing_is_asked():
+    mesh = Mesh(*grid(1, 3))
+    blocks, corners, asked = asked_of(mesh)
+    rows = make_rows(blocks, corners, *asked, np.ones(mesh.n_cells))
+    assert rows.asks.size == rows.m11.size == rows.near.size == 0

@@ -21,8 +21,14 @@ def corner(u, w):
     return gradient, matrix
 
 
-def assembled(mesh, vertices=None):
+def assembled(mesh, vertices=None, asked=None):
     """Gradient and dense matrix by the kernels, of all movable vertices or of those given."""
+    owns = [(cell, slow.asked_of(cell, asked)) for cell in reference.as_lists(mesh)]
+    targets = np.array([own.targets[v] for cell, own in owns for v in cell])
+    sizes = np.array([(1.0 / own.area if own.area else 0.0, own.weight) for _, own in owns])
+    maps = np.empty((0, 3))
+    if asked:
+        maps = np.array([own.map[[0, 0, 1], [0, 1, 1]] for _, own in owns])
     if vertices is None:
         vertices = np.sort(mesh.topology.schedule(True).vertices.astype(np.int64))
     n = len(vertices)
@@ -33,7 +39,9 @@ def assembled(mesh, vertices=None):
         unknown, n, *cells, mesh.star_offsets, mesh.star_cells, vertices
     )
     gradient, values = np.full((n, 2), np.nan), np.full((columns.size, 2, 2), np.nan)
-    shape_hessian.assemble(mesh.xy, *cells, unknown, offsets, columns, gradient, values)
+    shape_hessian.assemble(
+        mesh.xy, *cells, unknown, offsets, columns, targets, sizes, maps, gradient, values
+    )  # fmt: skip
     dense = np.zeros((2 * n, 2 * n))
     for r in range(n):
         for k in range(offsets[r], offsets[r + 1]):
@@ -106,15 +114,19 @@ def test_jets_agree_with_differences():
 
 @pytest.mark.nojit
 @pytest.mark.parametrize("kind", ["quads", "triangles", "mixed", "annulus", "quad fan"])
-def test_the_assembled_matrix_agrees_with_the_dense_sum(kind):
+@pytest.mark.parametrize("targets", ["ideal", "any", "mapped"])
+def test_the_assembled_matrix_agrees_with_the_dense_sum(kind, targets):
     mesh = random_mesh(kind, 3, seed=3, amount=0.5).mesh
-    unknowns, _, _, gradient, dense = assembled(mesh)
-    expected = slow.gradient_and_hessian(
-        reference.as_complex(mesh.xy), reference.as_lists(mesh), unknowns
-    )
+    cells = reference.as_lists(mesh)
+    asked = None
+    if targets != "ideal":
+        asked = slow.random_asked(cells, np.random.default_rng(1), maps=targets == "mapped")
+    unknowns, _, _, gradient, dense = assembled(mesh, asked=asked)
+    expected = slow.gradient_and_hessian(reference.as_complex(mesh.xy), cells, unknowns, asked)
     scale = np.abs(expected[1]).max()
     np.testing.assert_allclose(gradient.ravel(), expected[0], rtol=0, atol=1e-11 * scale)
     np.testing.assert_allclose(dense, expected[1], rtol=0, atol=1e-11 * scale)
+    assert np.linalg.eigvalsh(dense)[0] >= -1e-12 * scale
 
 
 @given(random_meshes(sizes=st.integers(2, 4)), st.integers(0, 2**32 - 1))

@@ -222,8 +222,9 @@ def test_sweeps_untangle_a_vertex_that_left_its_star():
 def test_smallest_determinant_is_each_cells_over_the_local_size():
     mesh = tangled("mixed", 3, seed=4)
     sizes = np.linspace(0.5, 2.0, mesh.n_vertices)
-    out = np.full(mesh.n_cells, np.nan)
-    untangle_sweep.smallest_determinant(mesh.xy, mesh.cell_offsets, mesh.cell_vertices, sizes, out)
+    out, closed = np.full(mesh.n_cells, np.nan), np.zeros(mesh.cell_vertices.size, np.bool_)
+    every, cells = np.arange(mesh.n_cells), mesh.topology.cells
+    untangle_sweep.smallest_determinant(mesh.xy, *cells, sizes, closed, every, out)
     points = reference.as_complex(mesh.xy)
     expected = [
         min(
@@ -234,6 +235,13 @@ def test_smallest_determinant_is_each_cells_over_the_local_size():
     ]
     assert out == pytest.approx(expected, abs=1e-13)
     assert np.array_equal(out <= 0.0, quality(mesh).validity != Validity.VALID)
+    # Only of the cells that are listed, and of the corners that are not closed.
+    some, listed = np.full(2, np.nan), np.array([5, 1])
+    untangle_sweep.smallest_determinant(mesh.xy, *cells, sizes, closed, listed, some)
+    assert np.array_equal(some, out[listed])
+    closed[mesh.cell_offsets[5] : mesh.cell_offsets[6]] = True
+    untangle_sweep.smallest_determinant(mesh.xy, *cells, sizes, closed, listed, some)
+    assert np.array_equal(some, [np.inf, out[1]])
 
 
 @pytest.mark.nojit
@@ -261,40 +269,3 @@ def test_shortest_edges_of_listed_vertices():
     listed = np.array([4, 0, 5], np.uint32)
     untangle_sweep.shortest_edges(mesh.xy, mesh.ring_offsets, mesh.ring_vertices, listed, out)
     assert out.tolist() == [0.75, 1.0, 0.75]
-
-
-def hopeless(mesh, movable):
-    out, mask = np.ones(mesh.n_cells, np.bool_), np.zeros(mesh.n_vertices, np.bool_)
-    mask[movable] = True
-    untangle_sweep.hopeless_cells(mesh.xy, mesh.cell_offsets, mesh.cell_vertices, mask, out)
-    return out.tolist()
-
-
-@pytest.mark.nojit
-def test_a_cell_is_hopeless_by_a_bad_corner_of_fixed_vertices_only():
-    # A dart: over 180 degrees at 2, which sees 1, 2 and 3.
-    dart = Mesh([(0.0, 0.0), (2.0, 0.0), (0.5, 0.5), (0.0, 2.0)], [(0, 1, 2, 3)])
-    assert hopeless(dart, []) == [True]
-    assert hopeless(dart, [0]) == [True]
-    for v in (1, 2, 3):
-        assert hopeless(dart, [v]) == [False]
-    square = Mesh(*grid(1, 1))
-    assert hopeless(square, []) == [False]
-
-
-@pytest.mark.nojit
-@pytest.mark.parametrize("seed", range(6))
-def test_hopeless_cells_agree_with_exact_signs(seed):
-    mesh = tangled("mixed", 6, seed=seed, amount=2.0)
-    rng = np.random.default_rng(seed)
-    movable = np.flatnonzero(rng.random(mesh.n_vertices) < 0.2)
-    points, free = reference.as_complex(mesh.xy), set(movable.tolist())
-    expected = [
-        any(
-            not free & set(corner) and reference.sign(*(points[w] for w in corner)) <= 0
-            for corner in reference.corners(cell)
-        )
-        for cell in reference.as_lists(mesh)
-    ]
-    assert hopeless(mesh, movable) == expected
-    assert any(expected)

@@ -4,16 +4,34 @@ import numpy as np
 import pytest
 
 from promises import check, invalid_cells
-from qsmooth import Optimize, smooth
-from qsmooth.examples import structured
+from qsmooth import Optimize, quality, smooth
+from qsmooth.engine import threads_for
+from qsmooth.examples import distorted, structured
 from qsmooth.kernels._jit import use_threads
 from qsmooth.optimizer import global_newton
 from qsmooth.optimizer.global_newton import GlobalNewton
+from qsmooth.optimizer.lanes import Lanes
 from qsmooth.outcome import Aim
+from qsmooth.targets import ideal
+
+
+def asked(mesh):
+    """Ideal targets, of any size."""
+    return ideal(mesh.topology).corners, np.zeros((mesh.n_cells, 2)), np.empty((0, 3))
+
+
+def lanes_of(mesh):
+    lanes = Lanes(mesh.topology, mesh.topology.schedule(True), threads_for(1, mesh.n_vertices))
+    lanes.aim_at(ideal(mesh.topology))
+    lanes.caps.hold(mesh.xy)
+    return lanes
 
 
 def solver(mesh):
-    return GlobalNewton(mesh.topology, mesh.topology.schedule(True))
+    lanes = lanes_of(mesh)
+    return GlobalNewton(
+        mesh.topology, lanes.stars, lanes.targets.corners, lanes.sizes, lanes.maps, lanes.caps
+    )
 
 
 def warped(n=24, kind="quad"):
@@ -25,12 +43,12 @@ def warped(n=24, kind="quad"):
 
 
 def energy(mesh, xy):
-    from qsmooth.kernels.newton_sweep import cell_energy
+    from qsmooth.kernels.cell_energy import cell_energy
 
     worst, total = np.empty((2, mesh.n_cells))
     movable = np.zeros(mesh.n_vertices, np.bool_)
     movable[mesh.topology.schedule(True).vertices] = True
-    cell_energy(xy, mesh.cell_offsets, mesh.cell_vertices, movable, worst, total)
+    cell_energy(xy, *mesh.topology.cells, movable, *asked(mesh), worst, total)
     return float((total * np.where(np.diff(mesh.cell_offsets) == 3, 1.0, 4.0)).sum())
 
 
@@ -82,6 +100,47 @@ def test_direct_and_multigrid_steps_go_the_same_way(monkeypatch):
     assert np.linalg.norm(ends[0] - ends[1]) < 0.1 * size
 
 
+@pytest.mark.parametrize("hold", [(), ("aspect_ratio", "shape", "min_edge")])
+def test_a_step_leaves_nothing_beyond_what_is_held(hold):
+    mesh = distorted(24, 3)
+    lanes = lanes_of(mesh)
+    lanes.caps.hold(mesh.xy, hold)
+    assert not lanes.caps.forbidden(mesh.xy).any()
+    xy = mesh.xy.copy()
+    steps = GlobalNewton(
+        mesh.topology, lanes.stars, lanes.targets.corners, lanes.sizes, lanes.maps, lanes.caps
+    )
+    assert steps.step(xy) > 0.0
+    assert not lanes.caps.forbidden(xy).any()
+
+
+def test_cells_worse_than_what_is_held_are_forbidden():
+    mesh = distorted(24, 3)
+    lanes = lanes_of(mesh)
+    rng = np.random.default_rng(0)
+    trial, moved = mesh.xy.copy(), lanes.stars.vertices
+    trial[moved] += rng.normal(size=(moved.size, 2)) * quality(mesh).min_edge.min()
+    assert lanes.caps.forbidden(trial).any()
+
+
+def test_vertices_of_cells_that_nothing_can_mend_stay_and_keep_no_other():
+    mesh = warped()
+    points = mesh.points.copy()
+    points[3] = points[4]
+    mesh = mesh.with_points(points)
+    lanes = lanes_of(mesh)
+    assert lanes.caps.lost.sum() == 1
+    steps = solver(mesh)
+    xy = mesh.xy.copy()
+    assert steps.step(xy) > 0.0
+    moved = (xy != mesh.xy).any(axis=1)
+    (lost,) = np.flatnonzero(lanes.caps.lost)
+    assert not moved[mesh.cell_vertices[slice(*mesh.cell_offsets[lost : lost + 2])]].any()
+    assert moved.sum() > 0.8 * lanes.movable.sum()
+    assert not lanes.caps.forbidden(xy).any()
+    assert quality(mesh.with_points(xy)).n_invalid == 1
+
+
 def test_few_steps_do_what_sweeps_take_hundreds_for():
     mesh = warped(40)
     xy = mesh.xy.copy()
@@ -101,19 +160,20 @@ def test_a_step_at_the_optimum_changes_nothing():
 
 
 def test_where_sweeps_would_creep_it_takes_steps_on_the_whole_mesh(monkeypatch):
-    # All interior columns pressed to the left: a change has to cross the whole mesh.
+    # All interior columns pressed to the left: a change has to cross the whole mesh. By default
+    # they are kept, as the layers that they look like.
     mesh = structured(60, 60)
     x, y = mesh.points.T
     inside = ~mesh.is_boundary[:, None]
     mesh = mesh.with_points(np.where(inside, np.stack([x**4, y], axis=1), mesh.points))
-    result = smooth(mesh, "optimize")
+    result = smooth(mesh, "optimize", target="ideal")
     (mean, *_) = result.outcome.stages
     assert mean.aim is Aim.MEAN_SHAPE
     assert mean.steps > 0
     assert f"and {mean.steps} Newton steps on the whole mesh" in result.reason
     assert result.after.worst["min_angle"] > 89.0
     check(mesh, Optimize())
-    mean = smooth(mesh, "optimize", worst=False, max_sweeps=200)
+    mean = smooth(mesh, "optimize", worst=False, max_sweeps=200, target="ideal")
     monkeypatch.setattr(GlobalNewton, "step", lambda self, xy: 0.0)
-    creeping = smooth(mesh, "optimize", worst=False, max_sweeps=200)
+    creeping = smooth(mesh, "optimize", worst=False, max_sweeps=200, target="ideal")
     assert mean.after.mean["shape"] > creeping.after.mean["shape"] + 0.01

@@ -11,7 +11,15 @@ from hypothesis import strategies as st
 import promises
 from meshes import KINDS, grid, place, random_mesh, tangle
 from qsmooth import Optimize, Stop, limits, quality, read_mesh, smooth
-from qsmooth.examples import bump, jittered, random_triangles, structured, tangled
+from qsmooth.examples import (
+    boundary_layer,
+    bump,
+    jittered,
+    notch,
+    random_triangles,
+    structured,
+    tangled,
+)
 from qsmooth.optimizer.progress import ROUND
 from qsmooth.outcome import Aim
 
@@ -36,7 +44,6 @@ def test_a_grid_of_squares_comes_back_no_worse():
 def test_a_mesh_that_is_good_comes_back_no_worse_and_twice_changes_nothing(shared_meshes):
     for mesh in (read_mesh(shared_meshes / "dealii_hole8170.msh"), structured(40, 40)):
         once = promises.check(mesh, Optimize()).result
-        assert once.outcome.trades == ()
         twice = promises.check(once.mesh, Optimize()).result
         for name in ("min_angle", "max_angle"):
             apart = once.after.worst[name] - twice.after.worst[name]
@@ -46,6 +53,10 @@ def test_a_mesh_that_is_good_comes_back_no_worse_and_twice_changes_nothing(share
 
 
 # Meshes whose smallest angle is limited at a vertex that the optimiser exhausts.
+NO_TARGET = (
+    "target must be 'auto', 'ideal' or 'initial'; or real numbers: ratios of sides, (n_cells,), or "
+    "metric tensors, (n_vertices, 2, 2); or a function of places that gives such tensors; got "
+)
 EXHAUSTED = [
     "superior_sibl_30k.off",
     "superior_hohq_1505.obj",
@@ -137,15 +148,31 @@ def test_extreme_angles_of_tangled_meshes(kind, seed, amount):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"objective": "size"}, "objective must be 'shape', got 'size'"),
-        ({"target_quality": 0.0}, "target_quality must be in (0, 1], got 0.0"),
-        ({"target_quality": 1.1}, "target_quality must be in (0, 1], got 1.1"),
-        ({"target_quality": math.nan}, "target_quality must be in (0, 1], got nan"),
+        ({"objective": "size"}, "objective must be 'shape' or 'shape-size', got 'size'"),
+        ({"size_weight": -1.0}, "size_weight must be 0 or more, got -1.0"),
+        ({"hold": "aspect"}, "hold takes 'aspect_ratio', 'shape' or 'min_edge', got 'aspect'; "
+         "did you mean 'aspect_ratio'?"),
+        ({"hold": ["shape", "min_angle"]}, "hold takes 'aspect_ratio', 'shape' or 'min_edge', got "
+         "'min_angle', which is held anyway, but where a metric is the target"),
+        ({"hold": 3}, "hold takes 'aspect_ratio', 'shape' or 'min_edge', got 3"),
+        ({"hold": [None]}, "hold takes 'aspect_ratio', 'shape' or 'min_edge', got None"),
+        ({"target": "idle"}, "target must be 'auto', 'ideal' or 'initial', got 'idle'; did you "
+         "mean 'ideal'?"),
+        ({"target": 2.0}, NO_TARGET + "2.0"),
+        ({"target": None}, NO_TARGET + "None"),
+        ({"target": [[1.0]]}, NO_TARGET + "[[1.0]]"),
+        ({"target": {"a"}}, NO_TARGET + "{'a'}"),
+        ({"target": ["a"] * 160}, NO_TARGET + "['a', 'a', 'a', 'a', 'a', 'a', ...]"),
+        ({"target": np.ones((4, 2))}, NO_TARGET + "an array of float64 of the shape (4, 2)"),
+        ({"target": 1j * np.ones(4)}, NO_TARGET + "an array of complex128 of the shape (4,)"),
+        ({"stop_quality": 0.0}, "stop_quality must be in (0, 1], got 0.0"),
+        ({"stop_quality": 1.1}, "stop_quality must be in (0, 1], got 1.1"),
+        ({"stop_quality": math.nan}, "stop_quality must be in (0, 1], got nan"),
         ({"mean_loss": -0.1}, "mean_loss must be in [0, 1), got -0.1"),
         ({"mean_loss": 1.0}, "mean_loss must be in [0, 1), got 1.0"),
         ({"mean_loss": math.nan}, "mean_loss must be in [0, 1), got nan"),
     ],
-)
+)  # fmt: skip
 def test_an_option_out_of_range_is_named(options, message):
     with pytest.raises(ValueError, match=f"^{re.escape(message)}"):
         Optimize(**options)
@@ -177,13 +204,13 @@ def test_a_time_limit_stops_with_the_best_so_far():
 
 def test_a_target_stops_early():
     mesh = jittered(30, 30, amount=0.45, seed=2)
-    whole, early = smooth(mesh, "optimize"), smooth(mesh, "optimize", target_quality=0.6)
+    whole, early = smooth(mesh, "optimize"), smooth(mesh, "optimize", stop_quality=0.6)
     assert early.after.worst["scaled_jacobian"] >= 0.6
     assert early.sweeps < whole.sweeps
-    assert early.outcome.stop is Stop.TARGET_QUALITY
+    assert early.outcome.stop is Stop.STOP_QUALITY
     assert early.outcome.stop_at == 0.6
-    assert "the worst cell reached target_quality=0.6" in early.reason
-    beyond = smooth(mesh, "optimize", target_quality=1.0)
+    assert "the worst cell reached stop_quality=0.6" in early.reason
+    beyond = smooth(mesh, "optimize", stop_quality=1.0)
     assert beyond.after.worst["scaled_jacobian"] == pytest.approx(
         whole.after.worst["scaled_jacobian"], abs=1e-2
     )
@@ -207,21 +234,150 @@ def test_the_worst_cells_cost_the_mean_what_they_may(shared_meshes):
 
 @pytest.mark.parametrize("loss", [0.02, 0.1, 0.5])
 @pytest.mark.parametrize("seed", range(3))
-def test_where_the_mean_is_at_its_best_worst_cells_cost_some_of_it(seed, loss):
+def test_where_the_mean_is_at_its_best_worst_cells_may_cost_so_much_of_it(seed, loss):
     best = smooth(random_triangles(200, seed=seed), "optimize", worst=False).mesh
-    # The check computes that the trade was one: what it cost, and what it gained.
     result = promises.check(best, Optimize(mean_loss=loss)).result
-    assert result.after.mean["shape"] < result.before.mean["shape"]
-    assert len(result.outcome.trades) == 1
-    assert "the worst cells went first, as not all figures could be had" in result.reason
+    assert result.after.mean["shape"] >= (1.0 - loss) * result.before.mean["shape"] - 2e-3
+    gain = result.after.worst["scaled_jacobian"] - result.before.worst["scaled_jacobian"]
+    assert gain > 0.01
     kept = promises.check(best, Optimize(mean_loss=0.0)).result
-    assert kept.outcome.trades == ()
-    assert kept.after.mean["shape"] >= kept.before.mean["shape"]
+    assert kept.after.mean["shape"] >= kept.before.mean["shape"] - 1e-3
     # What was not taken is told: it was better than what there is.
-    assert (kept.outcome.forbidden is not None) == kept.outcome.unchanged
     if kept.outcome.forbidden is not None:
         assert kept.outcome.forbidden.scaled_jacobian > kept.before.worst["scaled_jacobian"]
         assert "that mean_loss=0 forbids" in kept.reason
+
+
+# ------------------------------------------------------------------------------- what is held
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize(
+    "given",
+    ["shape,aspect_ratio", ["aspect_ratio", "shape"], {"shape", "aspect_ratio"},
+     " aspect-ratio , shape,", iter(["shape", "aspect_ratio", "shape"])],
+)  # fmt: skip
+def test_what_to_hold_may_be_given_in_many_ways(given):
+    assert Optimize(hold=given).hold == ("aspect_ratio", "shape")
+    assert Optimize(hold="min_edge").hold == ("min_edge",)
+    assert Optimize(hold="").hold == Optimize(hold=[]).hold == Optimize().hold == ()
+    assert Optimize(hold="shape") == Optimize(hold=["shape"]) != Optimize()
+
+
+def steep_bump():
+    return bump(60, height=0.8, width=0.1)
+
+
+def test_a_bump_is_mended_and_what_is_held_is_kept():
+    free = promises.check(steep_bump(), Optimize()).result
+    before, after = free.before.worst, free.after.worst
+    assert after["min_angle"] > 30.0
+    assert after["min_angle"] > before["min_angle"] + 15.0
+    held = promises.check(steep_bump(), Optimize(hold=("aspect_ratio", "shape"))).result
+    assert held.after.worst["aspect_ratio"] <= before["aspect_ratio"] * (1.0 + 1e-9)
+    assert held.after.worst["min_angle"] > before["min_angle"] + 2.0
+    assert not {"aspect_ratio", "shape"} & {trade.figure for trade in held.outcome.trades}
+
+
+@pytest.mark.parametrize("name", ["aspect_ratio", "shape", "min_edge"])
+def test_each_figure_gets_no_worse_where_it_is_held_and_would_else(name):
+    better = promises.HOLDABLE[name]
+    fell = 0
+    for mesh in (steep_bump(), notch(20)):
+        ends = []
+        for hold in ((), (name,)):
+            result = promises.check(mesh, Optimize(hold=hold)).result
+            old, new = (quality(m)[name] for m in (mesh, result.mesh))
+            ends.append(old.min() - new.min() if better else new.max() - old.max())
+        assert ends[1] <= 1e-9 * abs(old.min() if better else old.max())
+        fell += ends[0] > 1e-3 * abs(old.min() if better else old.max())
+    assert fell
+
+
+def two_regions():
+    """Squares that are jittered, and a bad corner that can't get better as it is fixed."""
+    mesh = jittered(24, 24, amount=0.4, seed=1)
+    points = mesh.points.copy()
+    points[0] = 0.4 * points[26]  # the corner of the square, towards the next vertex inside
+    return mesh.with_points(points)
+
+
+def test_a_cell_that_cannot_get_better_vetoes_nothing():
+    mesh = two_regions()
+    result = promises.check(mesh, Optimize()).result
+    assert result.after.mean["shape"] > 0.98
+    assert result.after.mean["shape"] > result.before.mean["shape"] + 0.02
+
+
+# ------------------------------------------------------------------------------- targets
+
+
+@pytest.mark.parametrize("target", ["auto", "ideal", "initial"])
+def test_targets_by_name(target):
+    mesh = jittered(16, 16, seed=3)
+    result = promises.check(mesh, Optimize(target=target)).result
+    told = result.outcome.target
+    assert told.kind == ("initial" if target == "initial" else "ideal")
+    assert told.after > told.before
+    assert ("mean quality towards" in result.reason) == (told.kind != "ideal")
+
+
+def test_rectangles_of_given_ratios_are_made():
+    # Squares pressed to a half: the target says that they were to be.
+    mesh = jittered(12, 12, seed=3)
+    mesh = mesh.with_points(mesh.points * (1.0, 0.5))
+    ratios = np.full(mesh.n_cells, 2.0)
+    result = promises.check(mesh, Optimize(target=ratios)).result
+    assert result.outcome.target.kind == "ratios"
+    assert result.outcome.target.after > 0.999
+    assert result.after.worst["min_angle"] > 89.0
+    with pytest.raises(ValueError, match=r"ratios must have the shape \(144,\), got \(3,\)"):
+        smooth(mesh, target=[1.0, 2.0, 3.0])
+    with pytest.raises(ValueError, match="for meshes of quads only"):
+        smooth(random_triangles(50), target=[1.0])
+
+
+def test_sizes_follow_where_they_count():
+    # Columns that are wider to the right: with sizes they stay so.
+    mesh = jittered(24, 8, amount=0.2, seed=1)
+    points = mesh.points.copy()
+    points[:, 0] = points[:, 0] ** 1.5
+    mesh = mesh.with_points(points)
+    by_shape = smooth(mesh, target="ideal", objective="shape").outcome.sizes
+    by_size = smooth(mesh, target="ideal", objective="shape-size", size_weight=10.0).outcome.sizes
+    assert by_shape.area_high > 1.5 * by_size.area_high
+    none = smooth(mesh, target="ideal", objective="shape-size", size_weight=0.0)
+    assert np.array_equal(none.points, smooth(mesh, target="ideal").points)
+
+
+def test_layers_are_kept_and_told_of():
+    result = promises.check(boundary_layer(), Optimize()).result
+    sizes = result.outcome.sizes
+    assert sizes.layers > 0.2
+    assert 0.9 < sizes.area_low <= sizes.area_high < 1.1
+    if not result.outcome.unchanged:
+        assert "cells are layers and were kept" in (result.reason)
+
+
+# ------------------------------------------------------------------------------- what is told
+
+
+def test_what_got_worse_is_told_with_what_it_was_given_for():
+    mesh = bump(30, height=0.8, width=0.1)
+    result = promises.check(mesh, Optimize(target="ideal")).result
+    assert result.outcome.trades
+    text = result.reason
+    names = {"aspect_ratio": "largest aspect ratio", "min_edge": "shortest edge",
+             "shape": "smallest shape", "mean_shape": "mean shape"}  # fmt: skip
+    for trade in result.outcome.trades:
+        assert f"{names[trade.figure]} {trade.before:.3g} -> {trade.after:.3g}" in text or (
+            trade.figure == "mean_shape"
+        )
+        assert trade.gained
+    held = [t.figure for t in result.outcome.trades if t.figure != "mean_shape"]
+    assert f"with hold='{','.join(held)}'" in text
+    kept = promises.check(mesh, Optimize(target="ideal", hold=held)).result
+    assert not set(held) & {trade.figure for trade in kept.outcome.trades}
 
 
 @pytest.mark.nojit

@@ -6,10 +6,10 @@ import sys
 import numpy as np
 import pytest
 
-from meshes import grid, random_mesh
+from meshes import KINDS, grid, random_mesh
 from promises import check, invalid_cells
 from qsmooth import Mesh, Optimize, Stop, Untangle, quality, read_mesh, smooth, untangle
-from qsmooth.examples import random_interior, tangled
+from qsmooth.examples import boundary_layer, random_interior, structured, tangled
 from qsmooth.outcome import Invalid
 
 
@@ -182,6 +182,189 @@ def test_two_threads_untangle_to_the_bits_of_one(seed):
     one, two = (untangle(mesh, threads=threads, max_sweeps=12) for threads in (1, 2))
     assert one.before.n_invalid > one.after.n_invalid
     assert one.points.tobytes() == two.points.tobytes()
+
+
+# ------------------------------------------------------------------------------- locally
+
+
+def exchange(mesh, seed):
+    """Exchange two neighbouring vertices that may move, drawn at random; give these, too."""
+    rng = np.random.default_rng(seed)
+    v = int(rng.choice(np.flatnonzero(~mesh.is_fixed)))
+    ring = mesh.ring_vertices[mesh.ring_offsets[v] : mesh.ring_offsets[v + 1]]
+    w = int(rng.choice(ring[~mesh.is_fixed[ring]]))
+    points = mesh.points.copy()
+    points[[v, w]] = points[[w, v]]
+    return mesh.with_points(points), [v, w]
+
+
+def rings_from(mesh, vertices):
+    """Edges from each vertex to the nearest of these."""
+    rings = np.full(mesh.n_vertices, -1)
+    rings[vertices] = 0
+    front = list(vertices)
+    while front:
+        near = [
+            w
+            for v in front
+            for w in mesh.ring_vertices[mesh.ring_offsets[v] : mesh.ring_offsets[v + 1]].tolist()
+        ]
+        after = [w for w in dict.fromkeys(near) if rings[w] < 0]
+        rings[after] = rings[front[0]] + 1
+        front = after
+    return rings
+
+
+def comes_back_near_by(mesh, seed):
+    bad, exchanged = exchange(mesh, seed)
+    result = untangle(bad)
+    assert result.before.n_invalid > 0
+    assert result.outcome.stop is Stop.VALID
+    moved = (result.points != bad.points).any(axis=1)
+    assert moved.any()
+    assert rings_from(mesh, exchanged)[moved].max() <= 5
+    # Heights of layers stay what they are, more or less.
+    ratio = quality(result.mesh).area / quality(mesh).area
+    assert 0.01 < ratio.min() <= ratio.max() < 10.0
+
+
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("kind", ["quad", "triangle", "mixed"])
+def test_two_exchanged_neighbours_move_none_but_their_neighbourhood(kind, seed):
+    comes_back_near_by(boundary_layer(kind=kind), seed)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_two_exchanged_neighbours_in_the_mesh_of_an_airfoil(shared_meshes, seed):
+    comes_back_near_by(read_mesh(shared_meshes / "naca0012_113x33.su2"), seed)
+
+
+def test_tangles_far_apart_do_not_touch_each_other():
+    # One is untangled in the same bits whether or not there is another, which can't be mended.
+    mesh = structured(40, 40)
+    at = mesh.points.reshape(41, 41, 2).copy()
+    at[5:9, 5:9] = at[5:9, 5:9][::-1, ::-1]
+    alone = untangle(mesh.with_points(at.reshape(-1, 2)))
+    at[34:38, 34:38] = at[34:38, 34:38][::-1]
+    fixed = np.zeros((41, 41), np.bool_)
+    fixed[35, 36] = True
+    both = untangle(Mesh(at.reshape(-1, 2), mesh.cells, fixed=fixed.ravel()), max_sweeps=60)
+    assert alone.outcome.stop is Stop.VALID
+    lower = slice(0, 20 * 41)
+    assert np.array_equal(both.points[lower], alone.points[lower])
+    moved = (alone.points != mesh.points).any(axis=1)
+    assert 16 < moved.sum() < 200
+
+
+def test_a_fold_that_local_sweeps_do_not_mend_moves_more_and_more():
+    # A block of rows and columns turned over: its neighbourhood has to give way.
+    mesh = structured(40, 40)
+    at = mesh.points.reshape(41, 41, 2).copy()
+    at[12:29, 12:29] = at[12:29, 12:29][::-1]
+    result = untangle(mesh.with_points(at.reshape(-1, 2)))
+    assert result.before.n_invalid >= 256
+    assert result.outcome.stop is Stop.VALID
+
+
+def test_untangling_moves_only_what_is_selected():
+    mesh = tangled(20, 20, amount=1.5, seed=3)
+    selection = "scaled_jacobian <= 0"
+    found = check(mesh, Untangle(selection=selection, selection_rings=1))
+    assert found.result.after.n_invalid < found.result.before.n_invalid
+    swapped, (v, _) = exchange(structured(12, 12), 4)
+    only = [int(swapped.star_cells[swapped.star_offsets[v]])]
+    less = check(swapped, Untangle(selection=only)).result
+    free = np.zeros(swapped.n_vertices, np.bool_)
+    free[swapped.cell_vertices[swapped.cell_offsets[only[0]] :][:4]] = True
+    assert np.array_equal(less.points[~free], swapped.points[~free])
+    every = check(swapped, Untangle(selection=only, selection_rings=2)).result
+    assert every.outcome.stop is Stop.VALID
+
+
+def collapsed(seed):
+    """A mesh some of whose vertices, on the boundary too, are elsewhere: at another's place."""
+    rng = np.random.default_rng(seed)
+    mesh = random_mesh(sorted(KINDS)[seed % len(KINDS)], 5, seed=seed, amount=0.6).mesh
+    points = mesh.points.copy()
+    for v in rng.permutation(mesh.n_vertices)[:4]:
+        points[v] = points[rng.integers(mesh.n_vertices)]
+    return mesh.with_points(points)
+
+
+@pytest.mark.parametrize("seed", range(36))
+def test_never_more_invalid_cells_than_other_methods_leave(seed):
+    mesh = collapsed(seed)
+    result = check(mesh, Untangle()).result
+    for other in ("star", "quad"):
+        assert result.after.n_invalid <= smooth(mesh, other).after.n_invalid
+
+
+@pytest.mark.parametrize("seed", [3, 12, 21])
+def test_what_is_mended_one_vertex_at_a_time_has_the_same_bits_on_two_threads(seed):
+    mesh = collapsed(seed)
+    one, two = (untangle(mesh, threads=threads) for threads in (1, 2))
+    assert one.before.n_invalid > one.after.n_invalid
+    assert one.points.tobytes() == two.points.tobytes()
+
+
+# ------------------------------------------------------------------------------- the impossible
+
+
+def with_doublet(x, y, n=3):
+    """Squares of which the middle one is cut in two by a vertex that only its halves share."""
+    points, (quads,) = grid(n, n)
+    a, b, c, d = quads[len(quads) // 2]
+    v = len(points)
+    cells = [*np.delete(quads, len(quads) // 2, axis=0), (a, b, c, v), (a, v, c, d)]
+    return Mesh([*points, (x, y)], [np.array(cells)])
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("place", [(1.3, 1.7), (1.9, 1.9), (1.45, 1.55)])
+def test_a_doublet_costs_no_search_and_gets_as_good_as_it_can(place):
+    mesh = with_doublet(*place)
+    result = check(mesh, Untangle()).result
+    assert result.after.n_invalid == 1
+    assert result.sweeps <= 1
+    assert 180.0 < result.after.worst["max_angle"] < 180.001
+    invalid = result.outcome.invalid
+    assert (invalid.after, invalid.proven, invalid.proven_doublets) == (1, 1, 1)
+    assert invalid.first == invalid.first_proven
+    assert "as an interior vertex has no other cell than two" in result.reason
+    assert "no way was found" not in result.reason
+
+
+def test_around_a_doublet_the_rest_is_untangled():
+    mesh = with_doublet(3.3, 3.7, 7)
+    points = mesh.points.copy()
+    points[[27, 28]] = points[[28, 27]]
+    for method in (Untangle(), Optimize()):
+        result = check(mesh.with_points(points), method).result
+        assert result.before.n_invalid > 2
+        assert result.outcome.invalid.after == result.outcome.invalid.proven == 1
+        assert result.after.worst["max_angle"] < 180.001
+
+
+def test_hopeless_cells_cost_no_sweeps_and_stop_no_others():
+    # Two boundary vertices at one place: their cell is lost, and must not count as a tangle.
+    mesh = structured(12, 12)
+    points = mesh.points.copy()
+    points[3] = points[4]
+    points[[84, 85]] = points[[85, 84]]
+    result = check(mesh.with_points(points), Untangle()).result
+    invalid = result.outcome.invalid
+    assert (invalid.after, invalid.proven, invalid.first_proven) == (1, 1, 3)
+    assert result.sweeps < 30
+    assert "as what is fixed keeps a corner from being convex" in result.reason
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("known", [Untangle, Optimize])
+def test_where_nothing_moves_what_is_invalid_is_proven_too(known):
+    points, cells = grid(1, 1)
+    points[0] = 0.8, 0.8
+    result = check(Mesh(points, cells), known()).result
+    assert result.outcome.invalid == Invalid(before=1, after=1, first=0, proven=1, first_proven=0)
 
 
 @pytest.mark.nojit

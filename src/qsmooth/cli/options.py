@@ -9,7 +9,7 @@ import copy
 import functools
 import inspect
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from typing import (
@@ -25,6 +25,7 @@ from typing import (
 
 import typer
 
+from qsmooth._words import in_a_row
 from qsmooth.options import Spec, spelled
 
 if TYPE_CHECKING:
@@ -253,11 +254,6 @@ def default_words(spec: Spec) -> str:
 def range_words(spec: Spec) -> str:
     """Write the range of a number; choices stand beside the name of their option."""
     return "" if spec.interval is None else spec.interval.words(spec.unit)
-
-
-def in_a_row(names: Sequence[str]) -> str:
-    """List names in a sentence: "angle, quad and star"."""
-    return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
 
 
 def _panel(having: list[str], every: list[str]) -> str:

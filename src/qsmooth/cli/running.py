@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from qsmooth._words import did_you_mean, plural
-from qsmooth.cli.options import in_a_row, spell
+from qsmooth._words import did_you_mean, in_a_row, plural
+from qsmooth.cli.options import spell
 from qsmooth.cli.terminal import progress, write_line
 
 if TYPE_CHECKING:

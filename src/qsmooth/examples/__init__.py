@@ -6,6 +6,7 @@ The same arguments give the same mesh.
 from qsmooth.examples.grids import (
     boundary_layer,
     bump,
+    distorted,
     jittered,
     notch,
     random_interior,
@@ -21,6 +22,7 @@ __all__ = [
     "boundary_layer",
     "bump",
     "demo_mesh",
+    "distorted",
     "jittered",
     "lake",
     "notch",

@@ -7,10 +7,15 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from qsmooth._types import FloatArray
+from qsmooth._types import FloatArray, IndexArray
 from qsmooth.mesh import Mesh
 
 Kind: TypeAlias = Literal["quad", "triangle", "mixed"]
+# Of `distorted`: longest over shortest length along a side; the cotangents, with their sign turned,
+# of the angle that a quarter of the quads have and of the largest; how often vertices are moved.
+UNEVEN = 100.0
+FLAT, MOST_FLAT = 1.0 / math.tan(math.radians(20.0)), 100.0
+ROUNDS = 1000
 
 
 def structured(nx: int = 20, ny: int = 20, *, kind: Kind = "quad") -> Mesh:
@@ -89,6 +94,82 @@ def notch(n: int = 40, *, depth: float = 0.7, width: float = 0.2, kind: Kind = "
     x, y = points[:, 0], points[:, 1]
     points[:, 1] = y * (1.0 - depth * np.maximum(0.0, 1.0 - np.abs(x - 0.5) / width))
     return _grid(points, n, n, kind)
+
+
+def distorted(n: int = 64, seed: int = 0) -> Mesh:
+    """Distort the unit square's grid of `n` by `n` quads violently; all of them stay convex.
+
+    Along each side lengths vary smoothly, the longest `UNEVEN` times the shortest, each side in its
+    own way; the grid's lines are straight. Then vertices move at random, each by up to half of its
+    shortest edge, where its quads stay convex, until a quarter of the quads have a corner over
+    160°. Distortion is not intent: neither directions nor ratios of sides are meant.
+
+    Parameters
+    ----------
+    n
+        2 or more.
+
+    Raises
+    ------
+    ValueError
+        If `n` is too small.
+    """
+    if n < 2:
+        raise ValueError(f"n must be 2 or more, got {n}")
+    rng = np.random.default_rng([n, seed])
+    bottom, top, left, right = (_uneven(n, rng) for _ in range(4))
+    lean, slope = top - bottom, (right - left)[:, None]
+    x = (bottom + lean * left[:, None]) / (1.0 - lean * slope)
+    y = left[:, None] + slope * x
+    mesh = _grid(np.stack([x.ravel(), y.ravel()], axis=1), n, n, "quad")
+    points, quads = mesh.points.copy(), mesh.cells[0]
+    vertices = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
+    # No two vertices of one of these four share a quad.
+    groups = [vertices[i:n:2, j:n:2].ravel() for i in (1, 2) for j in (1, 2)]
+    for _ in range(ROUNDS):
+        if (_flattest(points, quads) > FLAT).mean() > 0.25:
+            break
+        for group in groups:
+            if group.size:
+                _move_if_convex(points, quads, group, n, rng)
+    return mesh.with_points(points)
+
+
+def _uneven(n: int, rng: np.random.Generator) -> FloatArray:
+    """Points from 0 to 1 at distances that vary smoothly by a factor of `UNEVEN`."""
+    middle = (np.arange(n) + 0.5) / n
+    wave = np.zeros(n)
+    for k in range(1, 5):
+        amplitude, phase = rng.normal() / k, rng.uniform()
+        wave += amplitude * np.cos(2.0 * math.pi * (0.5 * k * middle + phase))
+    lengths = UNEVEN ** ((wave - wave.min()) / (wave.max() - wave.min()))
+    return np.concatenate([[0.0], np.cumsum(lengths)[:-1] / lengths.sum(), [1.0]])
+
+
+def _flattest(points: FloatArray, quads: IndexArray) -> FloatArray:
+    """Largest cotangent, with its sign turned, of each quad's corners; infinite if not convex."""
+    p = points[quads]
+    u, w = np.roll(p, -1, axis=1) - p, np.roll(p, 1, axis=1) - p
+    det = u[..., 0] * w[..., 1] - u[..., 1] * w[..., 0]
+    convex = (det > 0.0).all(axis=1)
+    flat = -(u * w).sum(axis=2) / np.where(det > 0.0, det, 1.0)
+    return np.where(convex, flat.max(axis=1), np.inf)
+
+
+def _move_if_convex(
+    points: FloatArray, quads: IndexArray, group: IndexArray, n: int, rng: np.random.Generator
+) -> None:
+    """Move interior vertices of a grid that share no quad, those whose quads stay convex."""
+    edges = [points[group + step] - points[group] for step in (-1, 1, -n - 1, n + 1)]
+    shortest = np.min([np.hypot(*edge.T) for edge in edges], axis=0)
+    old = points[group]
+    points[group] += rng.uniform(-0.5, 0.5, old.shape) * shortest[:, None]
+    row, column = np.divmod(group, n + 1)
+    below_left = (row - 1) * n + column - 1
+    star = below_left[:, None] + [0, 1, n, n + 1]
+    flattest = _flattest(points, quads[star.ravel()]).reshape(star.shape).max(axis=1)
+    refused = flattest > MOST_FLAT
+    points[group[refused]] = old[refused]
 
 
 def boundary_layer(nx: int = 60, ny: int = 24, *, first: float = 1e-5, kind: Kind = "quad") -> Mesh:

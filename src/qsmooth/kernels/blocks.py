@@ -9,14 +9,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from qsmooth._types import BlockArray, IndexArray, TableArray
+from qsmooth._types import BlockArray, FloatArray, IndexArray, TableArray
 from qsmooth.kernels._jit import inlined_helper, kernel
+from qsmooth.kernels.corner_energy import EQUILATERAL, SQUARE
 from qsmooth.kernels.stars import NO_VERTEX, Stars
 
 # Vertices in a block: enough to hide latencies, few enough that a large star stays in cache.
 LANES = 64
 # Columns of `Blocks.table`.
-FIRST, SIZE, N_QUADS, N_TRIANGLES, STAR = range(5)
+FIRST, SIZE, N_QUADS, N_TRIANGLES, STAR, ROWS = range(6)
+N_COLUMNS = 6
+# Flags of `Rows.asks`: other shapes than the ideal ones, sizes, walls on shape.
+SHAPES, SIZES, WALLS = 1, 2, 4
+# What differs by no more than this from the coefficients of an ideal shape is ideal.
+ROUNDING = 1e-15
 
 
 class Blocks(NamedTuple):
@@ -26,13 +32,16 @@ class Blocks(NamedTuple):
     ----------
     colour_blocks : (n_colours + 1,)
         CSR map from a colour to its blocks.
-    table : (n_blocks, 5)
-        First vertex, vertices, quads a star, triangles a star, start in `stars`.
+    table : (n_blocks, 6)
+        First vertex, vertices, quads a star, triangles a star, start in `stars`, start in `cells`.
     vertices : (n_movable,)
         The vertices in the order of the blocks.
     stars : (n_entries,)
         For each block one row of its size for each corner: a, b, c of the first quad, ..., then a,
         c of the first triangle, ...
+    cells : (n_rows,)
+        For each block one row of its size for each cell: the first quad, ..., the first triangle,
+        ...
     largest
         Cells in the largest star.
     """
@@ -41,7 +50,39 @@ class Blocks(NamedTuple):
     table: BlockArray
     vertices: TableArray
     stars: TableArray
+    cells: TableArray
     largest: int
+
+
+class Rows(NamedTuple):
+    """What is asked of each cell around each vertex, in the order of `Blocks.cells`.
+
+    Attributes
+    ----------
+    asks : (n_blocks,)
+        What a block asks for beside ideal shapes of any size: a sum of `SHAPES`, `SIZES`, `WALLS`.
+        What is not asked for there is not looked up.
+    m11, m12, m22 : (n_rows,)
+        The target shape at the corner of the vertex (`corner_energy.Target`); in quads m12 is 0.
+    area, inv_area : (n_rows,)
+        Target of the corners' determinants, and one over it; both 0 where size does not count.
+    size_weight : (n_rows,)
+        Weight of the size term.
+    slim : (n_rows,)
+        One over the shape energy at which the wall on a cell's shape is 1 high; 0 for no wall.
+    near : (n_rows,)
+        The threshold of the wall on badness is divided by this.
+    """
+
+    asks: IndexArray
+    m11: FloatArray
+    m12: FloatArray
+    m22: FloatArray
+    area: FloatArray
+    inv_area: FloatArray
+    size_weight: FloatArray
+    slim: FloatArray
+    near: FloatArray
 
 
 class Block(NamedTuple):
@@ -52,13 +93,19 @@ class Block(NamedTuple):
     n_quads: int
     n_triangles: int
     start: int
+    rows: int
 
 
 @inlined_helper()
 def block_at(table: BlockArray, b: int) -> Block:
     """Look up block b."""
     return Block(
-        table[b, FIRST], table[b, SIZE], table[b, N_QUADS], table[b, N_TRIANGLES], table[b, STAR]
+        table[b, FIRST],
+        table[b, SIZE],
+        table[b, N_QUADS],
+        table[b, N_TRIANGLES],
+        table[b, STAR],
+        table[b, ROWS],
     )
 
 
@@ -99,11 +146,12 @@ def build_blocks(stars: Stars) -> Blocks:
                 size = 0
             size += 1
         n_blocks += 1 if size else 0
-    table = np.empty((n_blocks, 5), np.uint64)
+    table = np.empty((n_blocks, N_COLUMNS), np.uint64)
     colour_blocks = np.zeros(n_colours + 1, np.int64)
     vertices = np.empty(n, np.uint32)
     entries = np.empty(n_entries, np.uint32)
-    b, entry = 0, 0
+    cells = np.empty(stars.cells.size, np.uint32)
+    b, entry, first_row = 0, 0, 0
     for colour in range(n_colours):
         i, stop = colour_offsets[colour], colour_offsets[colour + 1]
         while i < stop:
@@ -113,22 +161,101 @@ def build_blocks(stars: Stars) -> Blocks:
             quads, triangles = kind[rows[i]] >> 32, kind[rows[i]] & 0xFFFFFFFF
             table[b, FIRST], table[b, SIZE] = i, size
             table[b, N_QUADS], table[b, N_TRIANGLES], table[b, STAR] = quads, triangles, entry
+            table[b, ROWS] = first_row
             for lane in range(size):
                 source = rows[i + lane]
                 vertices[i + lane] = stars.vertices[source]
                 quad_at = entry + lane
                 triangle_at = entry + 3 * quads * size + lane
+                quad_row = first_row + lane
+                triangle_row = first_row + quads * size + lane
                 for row in range(offsets[source], offsets[source + 1]):
                     if corners[row, 1] == NO_VERTEX:
                         entries[triangle_at] = corners[row, 0]
                         entries[triangle_at + size] = corners[row, 2]
                         triangle_at += 2 * size
+                        cells[triangle_row] = stars.cells[row]
+                        triangle_row += size
                     else:
                         for k in range(3):
                             entries[quad_at + k * size] = corners[row, k]
                         quad_at += 3 * size
+                        cells[quad_row] = stars.cells[row]
+                        quad_row += size
             entry += (3 * quads + 2 * triangles) * size
+            first_row += (quads + triangles) * size
             i += size
             b += 1
         colour_blocks[colour + 1] = b
-    return Blocks(colour_blocks, table, vertices, entries, stars.largest)
+    return Blocks(colour_blocks, table, vertices, entries, cells, stars.largest)
+
+
+@kernel()
+def row_corners(blocks: Blocks, cell_offsets: IndexArray, cell_vertices: IndexArray) -> IndexArray:
+    """Find the position in `cell_vertices` of each row's vertex in its cell, (n_rows,)."""
+    out = np.empty(blocks.cells.size, np.int64)
+    for b in range(blocks.table.shape[0]):
+        size = np.int64(blocks.table[b, SIZE])
+        first, row = np.int64(blocks.table[b, FIRST]), np.int64(blocks.table[b, ROWS])
+        n_cells = np.int64(blocks.table[b, N_QUADS] + blocks.table[b, N_TRIANGLES])
+        for k in range(n_cells):
+            for i in range(size):
+                c = blocks.cells[row + k * size + i]
+                v = blocks.vertices[first + i]
+                for position in range(cell_offsets[c], cell_offsets[c + 1]):
+                    if cell_vertices[position] == v:
+                        out[row + k * size + i] = position
+    return out
+
+
+@kernel()
+def make_rows(
+    blocks: Blocks,
+    row_corners: IndexArray,
+    shapes: FloatArray,
+    area: FloatArray,
+    size_weight: FloatArray,
+    slim: FloatArray,
+    weight: FloatArray,
+) -> Rows:
+    """Put together what is asked of each row, and find out what each block asks for.
+
+    Parameters
+    ----------
+    row_corners : (n_rows,)
+        As `row_corners` finds them.
+    shapes : (n_corners, 3)
+        m11, m12, m22 at each corner.
+    area, size_weight, slim : (n_cells,)
+        As in `Rows`; areas where the weight is 0 do not count.
+    weight : (n_cells,)
+        How much the shape energy of a cell counts; its wall stands where it stood.
+    """
+    table, cells = blocks.table, blocks.cells
+    n = cells.size
+    asks = np.zeros(table.shape[0], np.int64)
+    m11, m12, m22 = np.empty(n), np.empty(n), np.empty(n)
+    areas, inv_areas, size_weights = np.zeros(n), np.zeros(n), np.empty(n)
+    slims, near = np.empty(n), np.ones(n)
+    for b in range(table.shape[0]):
+        size, first = np.int64(table[b, SIZE]), np.int64(table[b, ROWS])
+        n_quads = np.int64(table[b, N_QUADS])
+        shaped, sized, walled = False, False, False
+        for k in range(n_quads + np.int64(table[b, N_TRIANGLES])):
+            i11, i12, i22 = SQUARE if k < n_quads else EQUILATERAL
+            for row in range(first + k * size, first + (k + 1) * size):
+                c, corner = cells[row], row_corners[row]
+                m11[row] = shapes[corner, 0] * weight[c]
+                m12[row] = shapes[corner, 1] * weight[c]
+                m22[row] = shapes[corner, 2] * weight[c]
+                off = max(abs(m11[row] - i11), abs(m12[row] - i12), abs(m22[row] - i22))
+                shaped |= off > ROUNDING
+                if size_weight[c] > 0.0:
+                    sized = True
+                    if area[c] > 0.0:
+                        areas[row], inv_areas[row] = area[c], 1.0 / area[c]
+                size_weights[row] = size_weight[c]
+                slims[row] = slim[c] / weight[c]
+                walled |= slims[row] > 0.0
+        asks[b] = SHAPES * shaped + SIZES * sized + WALLS * walled
+    return Rows(asks, m11, m12, m22, areas, inv_areas, size_weights, slims, near)

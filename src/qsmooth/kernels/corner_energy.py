@@ -106,6 +106,17 @@ def square_numerator(uu: Quadratic, ww: Quadratic) -> Quadratic:
 
 
 @lane_helper()
+def rectangle_numerator(m11: float, m22: float, uu: Quadratic, ww: Quadratic) -> Quadratic:
+    """Give the numerator for a rectangle, of ½ |u|² and ½ |w|²; m12 is 0."""
+    return Quadratic(
+        m11 * uu.value + m22 * ww.value,
+        m11 * uu.x + m22 * ww.x,
+        m11 * uu.y + m22 * ww.y,
+        m11 * uu.second + m22 * ww.second,
+    )
+
+
+@lane_helper()
 def equilateral_numerator(uu: Quadratic, ww: Quadratic, ee: Quadratic) -> Quadratic:
     """Give the numerator for `EQUILATERAL`, of half the squares of all three edges.
 

@@ -6,6 +6,7 @@ loops over lanes stay scalar.
 """
 
 import math
+from typing import TypeAlias
 
 import numpy as np
 
@@ -14,12 +15,16 @@ from qsmooth.kernels._jit import helper, lane_helper
 from qsmooth.kernels.blocks import Block, lane_row
 from qsmooth.kernels.corner_energy import Linear, Quadratic, hessian, quotient
 
-ROW, ROW2, ROW3, ROW4, ROW5, ROW6 = (lane_row(k) for k in range(1, 7))
-N_ROWS = 16
+# The first lane of a block to look at, and the one to stop before.
+LaneRange: TypeAlias = tuple[int, int]
+ROW0, ROW, ROW2, ROW3, ROW4, ROW5, ROW6 = (lane_row(k) for k in range(7))
+N_ROWS = 23
 # Energy, gradient and Hessian of the star; energy of a trial and the least margin of its areas;
-# Newton step; place and trial place; 1 while the vertex has a step to take; for one kernel's use.
+# Newton step; place and trial place; 1 while the vertex has a step to take; for one kernel's use;
+# what is held, and the least margin by which a trial keeps it.
 (
     ENERGY, GX, GY, HXX, HXY, HYY, TRIAL, MARGIN, SX, SY, X, Y, PX, PY, TODO, OWN,
+    MOST_COSINE, LEAST_COSINE, LEAST_SINE, MOST_RATIO, MOST_SHAPE, LEAST_EDGE, HELD,
 ) = (lane_row(k) for k in range(N_ROWS))  # fmt: skip
 # Share of its energy that a vertex's step must promise, by its linear model, to be worth a trial.
 LEAST_PROMISE = 1e-14
@@ -97,30 +102,37 @@ def newton_step(s: FloatArray, n: int) -> float:
 
 
 @helper()
-def start_trial(s: FloatArray, n: int, fraction: float) -> None:
+def start_trial(s: FloatArray, lanes: LaneRange, fraction: float) -> None:
     """Put each lane's vertex at a fraction of its step, and clear what is summed up there."""
-    for i in range(n):
+    for i in range(lanes[0], lanes[1]):
         s[PX + i] = s[X + i] + fraction * s[SX + i]
         s[PY + i] = s[Y + i] + fraction * s[SY + i]
         s[TRIAL + i] = 0.0
         s[MARGIN + i] = np.inf
+        s[HELD + i] = np.inf
 
 
 @helper()
 def store_better(
-    xy: FloatArray, vertices: TableArray, block: Block, s: FloatArray, lengths: FloatArray
+    xy: FloatArray,
+    vertices: TableArray,
+    block: Block,
+    lanes: LaneRange,
+    s: FloatArray,
+    lengths: FloatArray,
 ) -> float:
     """Store the trial places that lower the energy and keep every margin, and measure the moves.
 
     Returns
     -------
     left
-        Lanes that still have a step to take.
+        Those of these lanes that still have a step to take.
     """
     first = block.first
     left = 0.0
-    for i in range(block.size):
-        if (s[TRIAL + i] < s[ENERGY + i]) & (s[MARGIN + i] > 0.0) & (s[TODO + i] > 0.0):
+    for i in range(lanes[0], lanes[1]):
+        good = (s[TRIAL + i] < s[ENERGY + i]) & (s[MARGIN + i] > 0.0) & (s[HELD + i] > 0.0)
+        if good & (s[TODO + i] > 0.0):
             v = vertices[first + i]
             xy[v, 0], xy[v, 1] = s[PX + i], s[PY + i]
             dx, dy = s[PX + i] - s[X + i], s[PY + i] - s[Y + i]

@@ -15,7 +15,7 @@ import numpy as np
 
 from qsmooth._types import FloatArray, IndexArray
 from qsmooth.kernels._jit import helper, kernel
-from qsmooth.kernels.corner_energy import EQUILATERAL, SQUARE, Target
+from qsmooth.kernels.corner_energy import Target
 
 ROOT_HALF = math.sqrt(0.5)
 
@@ -133,6 +133,30 @@ def corner_derivatives(
 
 
 @helper()
+def add_size_term(
+    ux: float,
+    uy: float,
+    wx: float,
+    wy: float,
+    inv_area: float,
+    weight: float,
+    gradient: FloatArray,
+    hessian: FloatArray,
+) -> None:
+    """Add the derivatives of weight · ½ (τ − 1/τ)², τ = det(u, w) · inv_area, by (ux, uy, wx, wy).
+
+    Of the second ones the semi-definite part: τ is taken as if it were linear.
+    """
+    tau = (ux * wy - uy * wx) * inv_area
+    slope, second = weight * (tau - tau**-3), weight * (1.0 + 3.0 * tau**-4)
+    by = (wy * inv_area, -wx * inv_area, -uy * inv_area, ux * inv_area)
+    for i in range(4):
+        gradient[i] += slope * by[i]
+        for j in range(4):
+            hessian[i, j] += second * by[i] * by[j]
+
+
+@helper()
 def fill_image(target: Target, weights: FloatArray) -> None:
     """Write down the image of a corner under the map that makes its target shape square.
 
@@ -150,6 +174,23 @@ def fill_image(target: Target, weights: FloatArray) -> None:
     weights[2, 0], weights[2, 1] = 0.0, m22
 
 
+@helper()
+def take_back(
+    l11: float, l12: float, l22: float, gradient: FloatArray, hessian: FloatArray
+) -> None:
+    """Turn derivatives by mapped edges into those by the edges themselves, in place."""
+    for i in (0, 2):
+        x, y = gradient[i], gradient[i + 1]
+        gradient[i], gradient[i + 1] = l11 * x + l12 * y, l12 * x + l22 * y
+        for j in range(4):
+            x, y = hessian[i, j], hessian[i + 1, j]
+            hessian[i, j], hessian[i + 1, j] = l11 * x + l12 * y, l12 * x + l22 * y
+    for j in (0, 2):
+        for i in range(4):
+            x, y = hessian[i, j], hessian[i, j + 1]
+            hessian[i, j], hessian[i, j + 1] = l11 * x + l12 * y, l12 * x + l22 * y
+
+
 @kernel()
 def assemble(
     xy: FloatArray,
@@ -158,6 +199,9 @@ def assemble(
     unknown: IndexArray,
     offsets: IndexArray,
     columns: IndexArray,
+    targets: FloatArray,
+    sizes: FloatArray,
+    maps: FloatArray,
     gradient: FloatArray,
     values: FloatArray,
 ) -> None:
@@ -169,6 +213,8 @@ def assemble(
     ----------
     unknown, offsets, columns
         As in `block_pattern`.
+    targets, sizes, maps
+        As in `cell_energy.cell_energy`.
     gradient : (n_unknown, 2)
         Overwritten.
     values : (n_blocks, 2, 2)
@@ -177,14 +223,11 @@ def assemble(
     gradient[:] = 0.0
     values[:] = 0.0
     g, h = np.empty(4), np.empty((4, 4))
-    square, equilateral = np.empty((3, 2)), np.empty((3, 2))
-    fill_image(SQUARE, square)
-    fill_image(EQUILATERAL, equilateral)
+    weight = np.empty((3, 2))
     ids = np.empty(3, np.int64)
     for c in range(cell_offsets.size - 1):
         first, last = cell_offsets[c], cell_offsets[c + 1]
         triangle = last - first == 3
-        weight = equilateral if triangle else square
         for k in range(first, last):
             ids[0] = cell_vertices[k]
             ids[1] = cell_vertices[k + 1] if k + 1 < last else cell_vertices[first]
@@ -195,6 +238,8 @@ def assemble(
                 free = free or unknown[ids[i]] >= 0
             if not free:
                 continue
+            target = Target(targets[k, 0], targets[k, 1], targets[k, 2])
+            fill_image(target, weight)
             x0, y0 = xy[ids[0], 0], xy[ids[0], 1]
             for i in range(1, 3):
                 dx, dy = xy[ids[i], 0] - x0, xy[ids[i], 1] - y0
@@ -202,7 +247,16 @@ def assemble(
                 uy += weight[i, 0] * dy
                 wx += weight[i, 1] * dx
                 wy += weight[i, 1] * dy
+            if maps.shape[0] > 0:
+                a, b, d = maps[c, 0], maps[c, 1], maps[c, 2]
+                ux, uy = a * ux + b * uy, b * ux + d * uy
+                wx, wy = a * wx + b * wy, b * wx + d * wy
             corner_derivatives(ux, uy, wx, wy, g, h)
+            if sizes[c, 1] > 0.0:
+                # The image has m22 times the area; maps keep it.
+                add_size_term(ux, uy, wx, wy, sizes[c, 0] / target.m22, sizes[c, 1], g, h)
+            if maps.shape[0] > 0:
+                take_back(maps[c, 0], maps[c, 1], maps[c, 2], g, h)
             for i in range(3):
                 row = unknown[ids[i]]
                 if row < 0:

@@ -26,7 +26,6 @@ from qsmooth.kernels.corner_energy import (
     half_square,
     square_numerator,
 )
-from qsmooth.kernels.geometry import distance, orientation
 from qsmooth.kernels.lanes import (
     FRACTIONS,
     N_ROWS,
@@ -151,17 +150,18 @@ def _move_block(
     for k in range(triangles):
         add_triangle(star_xy, s, triangle_rows + k * ROW4, n)
     left = newton_step(s, n)
+    everyone = (n - n, n)  # of one type
     fraction = relaxation
     for attempt in range(len(FRACTIONS) + 1):
         if left == 0.0:
             break
-        start_trial(s, n, fraction)
+        start_trial(s, everyone, fraction)
         for k in range(quads):
             try_quad(star_xy, s, k * ROW6, n)
         for k in range(triangles):
             try_triangle(star_xy, s, triangle_rows + k * ROW4, n)
         # No margin is asked for: the mesh need not be valid.
-        left = store_better(xy, vertices, block, s, lengths)
+        left = store_better(xy, vertices, block, everyone, s, lengths)
         fraction = FRACTIONS[min(attempt, len(FRACTIONS) - 1)]
 
 
@@ -186,7 +186,7 @@ def untangle_sweep(
     xy, blocks, colours, relaxation, lengths
         As in `newton_sweep.newton_sweep`; the mesh need not be valid.
     """
-    colour_blocks, table, vertices, stars, largest = blocks
+    colour_blocks, table, vertices, stars, _, largest = blocks
     for colour in range(colours[0], colours[1]):
         for b in prange(colour_blocks[colour], colour_blocks[colour + 1]):
             scratch, star_xy = np.empty(N_ROWS * LANES), np.empty(6 * largest * LANES)
@@ -207,18 +207,22 @@ def untangle_sweep(
 @parallel_kernel()
 def smallest_determinant(
     xy: FloatArray, cell_offsets: IndexArray, cell_vertices: IndexArray, sizes: FloatArray,
-    out: FloatArray,
+    closed: BoolArray, cells: IndexArray, out: FloatArray,
 ) -> None:  # fmt: skip
-    """Find each cell's smallest corner determinant over the local squared size r.
+    """Find each listed cell's smallest corner determinant over the local squared size r.
 
     Parameters
     ----------
     sizes : (n_vertices,)
         Local mean squared edge length.
-    out : (n_cells,)
-        Overwritten; dimensionless, negative where a corner is inverted.
+    closed : (n_corners,)
+        Corners that do not count.
+    cells, out : (n_listed,)
+        `out` is overwritten; dimensionless, negative where a corner is inverted, infinite where
+        none counts.
     """
-    for c in prange(out.size):
+    for i in prange(cells.size):
+        c = cells[i]
         first, last = cell_offsets[c], cell_offsets[c + 1]
         worst = np.inf
         d = cell_vertices[last - 1]
@@ -227,9 +231,10 @@ def smallest_determinant(
             b = cell_vertices[k + 1] if k + 1 < last else cell_vertices[first]
             ux, uy = xy[b, 0] - xy[a, 0], xy[b, 1] - xy[a, 1]
             wx, wy = xy[d, 0] - xy[a, 0], xy[d, 1] - xy[a, 1]
-            worst = min(worst, (ux * wy - uy * wx) / sizes[a])
+            if not closed[k]:
+                worst = min(worst, (ux * wy - uy * wx) / sizes[a])
             d = a
-        out[c] = worst
+        out[i] = worst
 
 
 @parallel_kernel()
@@ -271,31 +276,6 @@ def mean_squared_edge(
 
 
 @parallel_kernel()
-def hopeless_cells(
-    xy: FloatArray, cell_offsets: IndexArray, cell_vertices: IndexArray, movable: BoolArray,
-    out: BoolArray,
-) -> None:  # fmt: skip
-    """Mark cells with a corner that is not positive and whose three vertices can't move.
-
-    Parameters
-    ----------
-    out : (n_cells,)
-        Overwritten.
-    """
-    for c in prange(out.size):
-        first, last = cell_offsets[c], cell_offsets[c + 1]
-        out[c] = False
-        d = cell_vertices[last - 1]
-        for k in range(first, last):
-            a = cell_vertices[k]
-            b = cell_vertices[k + 1] if k + 1 < last else cell_vertices[first]
-            if not (movable[a] or movable[b] or movable[d]):
-                turn = orientation(xy[d, 0], xy[d, 1], xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1])
-                out[c] = out[c] or turn <= 0
-            d = a
-
-
-@parallel_kernel()
 def shortest_edges(
     xy: FloatArray, ring_offsets: IndexArray, ring_vertices: IndexArray, vertices: TableArray,
     out: FloatArray,
@@ -312,5 +292,6 @@ def shortest_edges(
         shortest = np.inf
         for k in range(ring_offsets[v], ring_offsets[v + 1]):
             w = ring_vertices[k]
-            shortest = min(shortest, distance(xy[v, 0], xy[v, 1], xy[w, 0], xy[w, 1]))
-        out[i] = shortest
+            dx, dy = xy[w, 0] - xy[v, 0], xy[w, 1] - xy[v, 1]
+            shortest = min(shortest, dx * dx + dy * dy)
+        out[i] = math.sqrt(shortest)

@@ -95,17 +95,51 @@ class Quality:
     @cached_property
     def extreme_angles(self) -> tuple[float, float]:
         """Smallest and largest angle of the mesh, degrees; quicker than by way of all cells'."""
-        from qsmooth.kernels.cell_metrics import angles, diamond_angles
+        smallest, largest = self.diamonds
+        low, high = self._angles_of([int(np.argmin(smallest)), int(np.argmax(largest))])
+        return float(low[0]), float(high[1])
+
+    def low_angle(self, percent: float) -> float:
+        """Percentile of the cells' smallest angles, degrees; quicker than by way of all cells'."""
+        smallest, _ = self.diamonds
+        place = percent / 100.0 * (smallest.size - 1)
+        at = min(int(place), max(smallest.size - 2, 0))
+        ends = [at, min(at + 1, smallest.size - 1)]
+        low, _ = self._angles_of(np.argpartition(smallest, ends)[ends])
+        return float(low[0] + (place - at) * (low[1] - low[0]))
+
+    @cached_property
+    def diamonds(self) -> tuple[FloatArray, FloatArray]:
+        """What stands in for `angles` where only their order counts, 0 to 4, (n_cells,)."""
+        from qsmooth.kernels.cell_metrics import diamond_angles
 
         smallest, largest = np.empty(self.topology.n_cells), np.empty(self.topology.n_cells)
+        diamond_angles(self.xy, *self.topology.cells, smallest, largest)
+        return smallest, largest
+
+    def _angles_of(self, cells: Sequence[int] | IndexArray) -> tuple[FloatArray, FloatArray]:
+        """Smallest and largest angle of these cells."""
+        from qsmooth.kernels.cell_metrics import angles
+
         offsets, vertices = self.topology.cells
-        diamond_angles(self.xy, offsets, vertices, smallest, largest)
-        low, high = np.empty(2), np.empty(2)
-        two = [int(np.argmin(smallest)), int(np.argmax(largest))]
-        corners = [vertices[offsets[c] : offsets[c + 1]] for c in two]
+        corners = [vertices[offsets[c] : offsets[c + 1]] for c in cells]
         sizes = np.cumsum([0, *map(len, corners)])
+        low, high = np.empty(len(corners)), np.empty(len(corners))
         angles(self.xy, sizes, np.concatenate(corners), low, high)
-        return float(low[0]), float(high[1])
+        return low, high
+
+    def know(
+        self,
+        *,
+        shape: FloatArray,
+        area: FloatArray,
+        diamonds: tuple[FloatArray, FloatArray],
+        valid: bool,
+    ) -> None:
+        """Take what is measured already, and whether all cells are valid; False when unsure."""
+        self._values["shape"], self.area, self.diamonds = shape, area, diamonds
+        if valid:
+            self.validity = np.full(shape.size, Validity.VALID, np.int64)
 
     @cached_property
     def area(self) -> FloatArray:

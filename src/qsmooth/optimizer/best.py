@@ -1,49 +1,70 @@
-"""The best coordinates that were seen, by the promise that no figure gets worse than it was."""
+"""The best coordinates that were seen; what is held needs no look, as no sweep lets it go."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+
+import numpy as np
 
 from qsmooth._types import FloatArray
 from qsmooth.metrics import Quality
 from qsmooth.optimizer.lanes import Lanes
 from qsmooth.optimizer.progress import Progress
-from qsmooth.outcome import Forbidden, Trade
+from qsmooth.outcome import Forbidden
 
 # A result that is better by less than this in every figure is not worth moving a vertex for.
 LEAST_GAIN = 1e-3
-# Gain in the smallest scaled Jacobian for which the mean shape may get worse than it was.
-LEAST_TRADE = 1e-2
+# So near a sine of one the worst corner has nothing to gain: a quarter of a degree off.
+AT_LIMIT = 1e-5
+# A better worst corner that the allowed loss of the mean forbids is told of from this gain on.
+LEAST_FORBIDDEN = 1e-2
+# What the worst cells may cost the sizes: by so much may the mean of γ |log τ| grow.
+MOST_RESIZED = 0.06
+# Areas count as this multiple of their target at least.
+TINY = 1e-6
+# The percentile that low angles stand for; how much they and the worst shape count beside the mean.
+LOW, LOW_COUNTS, SHAPE_COUNTS = 1.0, 0.3, 0.1
 
 
-@dataclass
+@dataclass(frozen=True)
 class Figures:
-    """The four figures that a result must not lower, and two more.
+    """What coordinates are judged by.
 
-    `free_jacobian` is the smallest scaled Jacobian of the corners that can change, 0 where one of
-    them is not positive.
+    Attributes
+    ----------
+    free_jacobian
+        Smallest scaled Jacobian of the corners that can change, 0 where one is not positive; cells
+        that nothing can be done for left out.
+    shape
+        Mean over the cells of one over the worst corner's energy towards its target.
+    plain_shape
+        The same towards squares and equilateral triangles.
+    n_invalid
+        Cells that are not valid.
+    least_shape
+        One over the energy of the worst of all corners towards its target.
+    low_angle
+        1st percentile of the cells' smallest angle, in degrees.
+    resized
+        Mean over the cells of γ |log τ|, τ the area over its target, γ how much that counts.
+    energy
+        Mean energy of the cells towards their targets, size included.
     """
 
-    min_angle: float
-    max_angle: float
-    scaled_jacobian: float
-    shape: float
     free_jacobian: float
+    shape: float
+    plain_shape: float
     n_invalid: int
+    least_shape: float
+    low_angle: float
+    resized: float
+    energy: float
 
-    def no_worse(self, other: Figures) -> bool:
-        """Whether none of the four figures is worse than the other's."""
-        return self.worst_no_worse(other) and self.shape >= other.shape
-
-    def worst_no_worse(self, other: Figures) -> bool:
-        """Whether the worst cells are no worse than the other's."""
-        return (
-            self.n_invalid <= other.n_invalid
-            and self.min_angle >= other.min_angle
-            and self.max_angle <= other.max_angle
-            and self.scaled_jacobian >= other.scaled_jacobian
-        )
+    @property
+    def overall(self) -> float:
+        """What counts where the worst corners are held: the mean, low angles, the worst shape."""
+        return float(self.shape * self.low_angle**LOW_COUNTS * self.least_shape**SHAPE_COUNTS)
 
     def better(self, other: Figures) -> bool:
         """Whether the worst corner is better, or about as good with a better mean."""
@@ -51,26 +72,20 @@ class Figures:
         return gain > LEAST_GAIN or (gain > -LEAST_GAIN and self.shape > other.shape)
 
     def gain(self, other: Figures) -> float:
-        """Largest gain over the other in any figure; angles count in radians."""
-        return max(
-            math.radians(self.min_angle - other.min_angle),
-            math.radians(other.max_angle - self.max_angle),
-            self.scaled_jacobian - other.scaled_jacobian,
-            self.free_jacobian - other.free_jacobian,
-            self.shape - other.shape,
-        )
+        """Largest gain over the other in any figure."""
+        return max(self.free_jacobian - other.free_jacobian, self.shape - other.shape)
 
 
 class Best:
-    """The best coordinates so far, and what could be had at a price.
+    """The best coordinates so far.
 
     Parameters
     ----------
     lanes, xy, progress
         The sweeps, the coordinates to begin with, (n, 2), and where rounds are noted.
     mean_loss
-        Share of the best mean shape that the worst cells may cost.
-    target
+        Share of the best mean shape towards the target that the worst cells may cost.
+    enough
         Smallest scaled Jacobian that is enough, or None.
 
     Attributes
@@ -78,11 +93,9 @@ class Best:
     xy, figures
         The best coordinates, (n, 2), and their figures.
     given
-        Figures that the result must not be worse than.
+        Figures of the coordinates to begin with.
     updates
         How often the worst corner got better.
-    trades, forbidden
-        What `settle` found, as in `Outcome`.
     """
 
     def __init__(
@@ -92,80 +105,165 @@ class Best:
         progress: Progress,
         *,
         mean_loss: float,
-        target: float | None,
+        enough: float | None,
     ) -> None:
         self.lanes, self.progress = lanes, progress
-        self._mean_loss, self._target = mean_loss, target
+        self._mean_loss, self._enough = mean_loss, enough
+        # A metric asks for angles of its own: towards it only the energy tells what is better.
+        self._by_energy = lanes.targets.kind == "metric"
         self.updates = 0
-        self.trades: tuple[Trade, ...] = ()
-        self.forbidden: Forbidden | None = None
-        self.restart(xy)
-
-    def restart(self, xy: FloatArray, *, mean_counts: bool = True) -> None:
-        """Take these coordinates as the ones that the result must not be worse than.
-
-        The mean shape of a mesh that has just been untangled need not be kept.
-        """
         self._given_xy, self.xy = xy.copy(), xy.copy()
-        self.given = self.figures = self._measure(xy, self.lanes.quality(xy))
-        self.best_shape = self.given.shape if self.given.n_invalid == 0 else 0.0
-        if not mean_counts:
-            self.given = replace(self.given, shape=0.0)
-        # The best of those that lower the mean shape alone: taken where nothing keeps all figures.
-        self._trade: tuple[FloatArray, Figures] | None = None
+        self.given = self.figures = self.last = self.measure(xy)
+        self._most_resized = math.inf
+        self.best_shape = self.given.shape
         # The best worst corner that was seen at a cost beyond the allowed loss of the mean.
         self._too_dear = 0.0
 
-    def offer(self, xy: FloatArray) -> Figures:
-        """Measure coordinates, and keep them if they are the best."""
-        quality = self.lanes.quality(xy)
-        now = self._measure(xy, quality)
-        self.lanes.report(xy, quality, self.progress)
+    def offer(self, xy: FloatArray, *, by_mean: bool = False) -> Figures:
+        """Measure coordinates, and keep them if they are the best.
+
+        The better worst corner is, even at a loss of the mean; or, by the mean, the better mean.
+        """
+        now = self.measure(xy)
+        self.lanes.report(xy, self.lanes.look(xy).quality, self.progress)
         self.best_shape = max(self.best_shape, now.shape)
-        affordable = now.shape >= self.floor()
-        if now.n_invalid < self.figures.n_invalid or (
-            affordable and now.no_worse(self.given) and now.better(self.figures)
-        ):
+        affordable = self.affords(now)
+        # What was the best may have become too dear meanwhile.
+        better = now.shape > self.figures.shape if by_mean else self._better(now)
+        better |= not self.affords(self.figures)
+        fewer = now.n_invalid < self.figures.n_invalid
+        # Cells that nothing can mend keep no others from getting better.
+        no_more = now.n_invalid <= self.figures.n_invalid
+        if fewer or (affordable and no_more and better):
             self.updates += now.free_jacobian > self.figures.free_jacobian + LEAST_GAIN
             self.xy[:], self.figures = xy, now
-        elif affordable and now.n_invalid == 0 and now.worst_no_worse(self.given):
-            then = self.given if self._trade is None else self._trade[1]
-            if self._trade is None or now.better(then):
-                self.updates += now.free_jacobian > then.free_jacobian + LEAST_GAIN
-                self._trade = xy.copy(), now
-        elif now.n_invalid == 0 and now.worst_no_worse(self.given):
+        elif not affordable and no_more:
             self._too_dear = max(self._too_dear, now.free_jacobian)
         return now
+
+    def _better(self, now: Figures) -> bool:
+        if self._by_energy:
+            return now.energy < self.figures.energy
+        return now.better(self.figures)
+
+    def offer_overall(self, xy: FloatArray, floor: float, low: float) -> bool:
+        """Keep coordinates if they are better overall, with a mean shape and low angles like these.
+
+        What is held sees to the worst corner.
+
+        Returns
+        -------
+        bool
+            Whether they are kept.
+        """
+        self.last = self.measure(xy)
+        self.lanes.report(xy, self.lanes.look(xy).quality, self.progress)
+        self.best_shape = max(self.best_shape, self.last.shape)
+        enough = self.last.shape >= floor and self.last.low_angle >= low
+        enough &= self.affords(self.last)
+        if not enough or self.last.overall < self.figures.overall:
+            return False
+        self.xy[:], self.figures = xy, self.last
+        return True
+
+    def offer_relaxed(self, xy: FloatArray, low: float, worst: float) -> bool:
+        """Keep coordinates with a better mean shape, low angles and a worst shape like these.
+
+        Returns
+        -------
+        bool
+            Whether they are kept.
+        """
+        self.last = now = self.measure(xy)
+        self.lanes.report(xy, self.lanes.look(xy).quality, self.progress)
+        self.best_shape = max(self.best_shape, now.shape)
+        enough = now.low_angle >= low and now.least_shape >= worst
+        if now.shape <= self.figures.shape or not enough or not self.affords(now):
+            return False
+        self.xy[:], self.figures = xy, now
+        return True
+
+    def mark(self) -> tuple[FloatArray, Figures]:
+        """Keep the best so far, to come back to it."""
+        return self.xy.copy(), self.figures
+
+    def pays_since(self, mark: tuple[FloatArray, Figures]) -> bool:
+        """Whether the worst corner gained more since then than the worst shape lost."""
+        old, new = mark[1], self.figures
+        if new.n_invalid < old.n_invalid or not self.affords(old):
+            return True
+        return new.free_jacobian * new.least_shape > old.free_jacobian * old.least_shape
+
+    def start_again(self, mark: tuple[FloatArray, Figures]) -> None:
+        """Go back to what was kept, and forget what would have been too dear since."""
+        self.back_to(mark)
+        self._too_dear = 0.0
+
+    def back_to(self, mark: tuple[FloatArray, Figures]) -> None:
+        """Take what was kept for the best."""
+        self.xy[:], self.figures = mark
 
     def floor(self) -> float:
         """Mean shape that the worst cells may not cost more than."""
         return (1.0 - self._mean_loss) * self.best_shape
 
-    def reached_target(self) -> bool:
+    def affords(self, now: Figures) -> bool:
+        """Whether neither the mean shape nor the sizes have lost more than is allowed."""
+        if self._by_energy:
+            return True  # there are no worst cells that shape is given up for
+        return now.shape >= self.floor() and now.resized <= self._most_resized
+
+    def limit_sizes(self) -> None:
+        """From now on let sizes be little farther from their targets than at the best so far."""
+        self._most_resized = self.figures.resized + MOST_RESIZED
+
+    def good_enough(self) -> bool:
         """Whether the smallest scaled Jacobian is what the caller asked for."""
-        return self._target is not None and self.figures.free_jacobian >= self._target
+        if self._enough is None or self.lanes.caps.lost.any():
+            return False
+        return self.figures.free_jacobian >= self._enough
+
+    def at_limit(self) -> bool:
+        """Whether the worst corner is as good as any corner can be."""
+        return self.figures.free_jacobian >= 1.0 - AT_LIMIT
 
     def settle(self) -> None:
-        """Settle on the result: the best, or else a trade, or else the coordinates given."""
-        if self.figures.gain(self.given) >= LEAST_GAIN:
-            return
-        trade = self._trade
-        if trade and trade[1].free_jacobian > self.given.free_jacobian + LEAST_TRADE:
-            self.xy, self.figures = trade
-            shapes = {"before": self.given.shape, "after": self.figures.shape}
-            self.trades = (Trade(figure="mean_shape", gained="scaled_jacobian", **shapes),)
-            return
-        self.xy, self.figures = self._given_xy, self.given
-        if self._too_dear > self.given.free_jacobian + LEAST_TRADE:
-            self.forbidden = Forbidden(scaled_jacobian=self._too_dear, mean_loss=self._mean_loss)
+        """Go back to the coordinates given where nothing of them was to gain."""
+        fewer = self.figures.n_invalid < self.given.n_invalid
+        gain = self.figures.gain(self.given)
+        if self._by_energy:
+            gain = 1.0 - self.figures.energy / self.given.energy
+        if gain < LEAST_GAIN and not fewer:
+            self.xy, self.figures = self._given_xy, self.given
 
-    def _measure(self, xy: FloatArray, quality: Quality) -> Figures:
-        smallest, largest = quality.extreme_angles
+    @property
+    def forbidden(self) -> Forbidden | None:
+        """A better worst cell that would have cost the mean more than is allowed."""
+        if self._too_dear <= self.figures.free_jacobian + LEAST_FORBIDDEN:
+            return None
+        return Forbidden(scaled_jacobian=self._too_dear, mean_loss=self._mean_loss)
+
+    def measure(self, xy: FloatArray) -> Figures:
+        """Measure coordinates, (n, 2)."""
+        quality = self.lanes.look(xy).quality
+        badness, energy = self.lanes.energy(xy)
+        shape = 1.0 / self.lanes.worst_shape(xy)
         return Figures(
-            min_angle=smallest,
-            max_angle=largest,
-            scaled_jacobian=float(quality.scaled_jacobian.min()),
-            shape=float(quality.shape.mean()),
-            free_jacobian=1.0 / float(self.lanes.energy(xy)[0].max()),
+            free_jacobian=1.0 / float(badness.max(initial=1.0)),
+            shape=float(shape.mean()),
+            least_shape=float(shape.min()),
+            low_angle=quality.low_angle(LOW),
+            energy=float(energy.mean()),
+            plain_shape=float(np.mean(quality.shape)),
             n_invalid=quality.n_invalid,
+            resized=self._resized(quality),
         )
+
+    def _resized(self, quality: Quality) -> float:
+        inv_area, weight = self.lanes.sizes.T
+        if not weight.any():
+            return 0.0
+        # Twice the area of a triangle, as the targets are.
+        twice = np.where(self.lanes.topology.cell_sizes == 3, 2.0, 1.0)
+        tau = np.where(weight > 0.0, twice * quality.area * inv_area, 1.0)
+        return float((weight * np.abs(np.log(np.maximum(tau, TINY)))).mean())

@@ -10,7 +10,7 @@ import numpy as np
 
 from qsmooth._types import FloatArray
 from qsmooth.kernels.stars import Stars
-from qsmooth.metrics import Quality
+from qsmooth.optimizer.caps import Caps
 from qsmooth.topology import Topology
 
 if TYPE_CHECKING:
@@ -26,6 +26,10 @@ TOLERANCE = 1e-2
 MOST_ITERATIONS = 100
 # A step that does not lower the energy is halved this often.
 HALVINGS = 12
+# Vertices of cells that a step would make worse than what is held are put back so often before the
+# step is halved; those in so many rings around take less of it than they would.
+PUT_BACK = 6
+GRADED_RINGS = 8
 
 
 class GlobalNewton:
@@ -33,13 +37,34 @@ class GlobalNewton:
 
     The matrix couples the movable vertices of each cell; its pattern never changes, so each step
     only fills in the values.
+
+    Parameters
+    ----------
+    topology, stars
+        Of the mesh, and of the vertices that may move.
+    corners, sizes, maps
+        Targets, as in `cell_energy.cell_energy`.
+    caps
+        What is held. Vertices of cells that it calls lost stay where they are.
     """
 
-    def __init__(self, topology: Topology, stars: Stars) -> None:
+    def __init__(
+        self,
+        topology: Topology,
+        stars: Stars,
+        corners: FloatArray,
+        sizes: FloatArray,
+        maps: FloatArray,
+        caps: Caps,
+    ) -> None:
         from qsmooth.kernels.shape_hessian import block_pattern
 
-        self.topology = topology
+        self.topology, self._targets = topology, (corners, sizes, maps)
+        self._forbidden = caps.forbidden
         self.vertices = np.sort(stars.vertices.astype(np.int64))
+        if caps.lost.any():
+            lost = topology.cell_vertices[np.repeat(caps.lost, topology.cell_sizes)]
+            self.vertices = np.setdiff1d(self.vertices, lost)
         self.unknown = np.full(topology.n_vertices, -1, np.int64)
         self.unknown[self.vertices] = np.arange(self.vertices.size)
         self.offsets, self.columns = block_pattern(
@@ -50,7 +75,9 @@ class GlobalNewton:
         self._gradient = np.empty((self.vertices.size, 2))
 
     def step(self, xy: FloatArray) -> float:
-        """Take one step downhill on the mean shape, in place; the mesh stays valid.
+        """Take one step downhill on the mean shape, in place.
+
+        Vertices of cells that would be forbidden stay, and those around them, until none is.
 
         Returns
         -------
@@ -59,9 +86,11 @@ class GlobalNewton:
         """
         from qsmooth.kernels.shape_hessian import assemble
 
+        if not self.vertices.size:
+            return 0.0
         assemble(
             xy, *self.topology.cells, self.unknown, self.offsets, self.columns,
-            self._gradient, self._values,
+            *self._targets, self._gradient, self._values,
         )  # fmt: skip
         size = 2 * self.vertices.size
         from scipy.sparse import bsr_matrix
@@ -71,22 +100,42 @@ class GlobalNewton:
             direction = _solve(matrix, -self._gradient.ravel()).reshape(-1, 2)
         if not np.isfinite(direction).all():
             return 0.0
-        before = self._energy(xy)
+        before = self.energy(xy)
         trial = xy.copy()
         for k in range(HALVINGS):
-            trial[self.vertices] = xy[self.vertices] + 0.5**k * direction
-            after = self._energy(trial)
-            if after < before and Quality(self.topology, trial).n_invalid == 0:
+            if not self._allowed(xy, 0.5**k * direction, trial):
+                continue
+            after = self.energy(trial)
+            if after < before:
                 xy[:] = trial
                 return 1.0 - after / before
         return 0.0
 
-    def _energy(self, xy: FloatArray) -> float:
-        from qsmooth.kernels.newton_sweep import cell_energy
+    def _allowed(self, xy: FloatArray, direction: FloatArray, trial: FloatArray) -> bool:
+        """Fill in the step, with vertices of forbidden cells put back; whether that was enough."""
+        offsets, vertices = self.topology.cells
+        counts = np.diff(offsets)
+        share = np.ones(self.topology.n_vertices)
+        for _ in range(PUT_BACK):
+            trial[self.vertices] = xy[self.vertices] + share[self.vertices, None] * direction
+            cells = self._forbidden(trial)
+            if not cells.any():
+                return True
+            share[vertices[np.repeat(cells, counts)]] = 0.0
+            # Those around them less and less, or the cells between would be drawn out.
+            for _ in range(GRADED_RINGS):
+                least = np.minimum.reduceat(share[vertices], offsets[:-1]) + 1.0 / GRADED_RINGS
+                np.minimum.at(share, vertices, np.repeat(least, counts))
+        return False
+
+    def energy(self, xy: FloatArray) -> float:
+        """Sum of the energies of all corners that can change."""
+        from qsmooth.kernels.cell_energy import cell_energy
 
         topology = self.topology
         worst, total = np.empty(topology.n_cells), np.empty(topology.n_cells)
-        cell_energy(xy, *topology.cells, self.unknown >= 0, worst, total)
+        movable = self.unknown >= 0
+        cell_energy(xy, *topology.cells, movable, *self._targets, worst, total)
         total *= np.where(topology.cell_sizes == 3, 1.0, 4.0)
         return float(total.sum())
 

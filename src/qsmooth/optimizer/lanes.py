@@ -2,26 +2,47 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from qsmooth._types import FloatArray
+from qsmooth._types import BoolArray, FloatArray, IndexArray
 from qsmooth.engine import Engine
 from qsmooth.kernels.stars import Moves, Rings, Stars
 from qsmooth.metrics import Quality
+from qsmooth.optimizer.caps import ALWAYS, FREE, Caps
+from qsmooth.optimizer.look import Look
 from qsmooth.optimizer.progress import Progress
+from qsmooth.targets import Targets, beside_others
 from qsmooth.topology import Topology
 
 if TYPE_CHECKING:
+    from qsmooth.kernels.blocks import Rows
     from qsmooth.kernels.newton_sweep import Wall
 
+# The wall on a cell's shape is 1 high at this multiple of its shape energy, or at this energy.
+SLIMMER, LEAST_SLIM = 1.2, 1.5
+# No wall on shapes stands nearer than this energy.
+LEAST_CAP = 1.1
+# A cell with a larger shape energy than this, or one that is not valid, counts as one with this.
+FLAT = 1e6
+# While the worst cells are seen to, sizes count this much more in layers: else their heights drift.
+LAYER_WEIGHT = 3.0
+# And this much where layers border on other cells, whose worst angles would be paid with the height
+# of the layer: at the trailing edge of an airfoil 1.9 times of it, and now 1.3. In triangles of
+# layers too: their smallest angle is their height over their length.
+BORDER_WEIGHT = 100.0
 # Multiple of the Newton step that is tried first: neighbours follow the same way in their turn.
 RELAXATION = 1.7
 
 
 class Lanes:
     """Sweeps over the movable vertices, and measures that only what can move counts in.
+
+    All but untangling wants to know first what cells are meant to be (`aim_at`).
 
     Parameters
     ----------
@@ -31,6 +52,8 @@ class Lanes:
         Who runs the sweeps.
     """
 
+    _rows: Rows
+
     def __init__(self, topology: Topology, stars: Stars, engine: Engine) -> None:
         from qsmooth.kernels.blocks import build_blocks
 
@@ -38,28 +61,163 @@ class Lanes:
         self.movable = np.zeros(topology.n_vertices, np.bool_)
         self.movable[stars.vertices] = True
         self._blocks = build_blocks(stars)
-        self._n_colours = self._blocks.colour_blocks.size - 1
+        self.n_colours = self._blocks.colour_blocks.size - 1
         self._rings = Rings(*topology.rings)
         n_movable = self._blocks.vertices.size
         self._moves = Moves(np.zeros(n_movable), np.zeros(n_movable))
         self._shortest = np.empty(n_movable)
-        self._badness, self._shape = np.empty(topology.n_cells), np.empty(topology.n_cells)
+        self._look: Look | None = None
 
     def quality(self, xy: FloatArray) -> Quality:
         """Measure the mesh at these coordinates."""
         return Quality(self.topology, xy)
 
+    @cached_property
+    def caps(self) -> Caps:
+        """What is held; nothing at first."""
+        return Caps(self.topology, self.movable)
+
+    @cached_property
+    def _row_corners(self) -> IndexArray:
+        """Corner of the vertex in the cell of each row of the blocks."""
+        from qsmooth.kernels.blocks import row_corners
+
+        found: IndexArray = row_corners(self._blocks, *self.topology.cells)
+        return found
+
     def newton(self, xy: FloatArray, wall: Wall, progress: Progress) -> None:
         """Sweep a round downhill on the mean shape and the wall."""
-        from qsmooth.kernels.newton_sweep import newton_sweep
-
-        lengths = self._moves.lengths
         for _ in range(progress.next_round()):
             self._engine.run(
-                lambda colours: newton_sweep(xy, self._blocks, colours, RELAXATION, wall, lengths),
-                self._n_colours,
+                self._sweep(xy, wall, self.caps.swept, self._moves.lengths), self.n_colours
             )
             progress.sweeps += 1
+
+    def _sweep(
+        self, xy: FloatArray, wall: Wall, held: FloatArray, lengths: FloatArray
+    ) -> Callable[[tuple[int, int]], None]:
+        """Give the sweep over some colours that fits the targets."""
+        rows = self._rows
+        if self.targets.maps is None:
+            from qsmooth.kernels.newton_sweep import newton_sweep
+
+            return lambda colours: newton_sweep(
+                xy, self._blocks, colours, RELAXATION, wall, held, rows, lengths
+            )
+        from qsmooth.kernels.mapped_sweep import Maps, mapped_sweep
+
+        maps = Maps(*self.maps[self._blocks.cells].T.copy())
+        return lambda colours: mapped_sweep(
+            xy, self._blocks, colours, RELAXATION, wall, held, rows, maps, lengths
+        )
+
+    def try_colour(
+        self, xy: FloatArray, colour: int, wall: Wall, held: FloatArray
+    ) -> tuple[IndexArray, BoolArray]:
+        """Move the vertices of one colour once, downhill within what is held, (n_vertices, 6).
+
+        Returns
+        -------
+        vertices, moved
+            Those of this colour, and which of them moved.
+        """
+        from qsmooth.kernels.blocks import FIRST
+
+        lengths = np.empty(self._blocks.vertices.size)
+        sweep = self._sweep(xy, wall, held, lengths)
+        self._engine.run(lambda _: sweep((colour, colour + 1)), 1)
+        first, last = (
+            int(self._blocks.table[b, FIRST]) if b < len(self._blocks.table) else lengths.size
+            for b in self._blocks.colour_blocks[colour : colour + 2]
+        )
+        return self._blocks.vertices[first:last].astype(np.int64), lengths[first:last] > 0.0
+
+    def kept_back(self, xy: FloatArray) -> float:
+        """Fraction of the energy that a sweep would gain if nothing but validity were held."""
+        from qsmooth.kernels.newton_sweep import Wall
+
+        trial, held = xy.copy(), np.tile(FREE[:ALWAYS], (self.topology.n_vertices, 1))
+        lengths, wall = np.empty_like(self._moves.lengths), Wall(1.0, np.inf, 1)
+        self._engine.run(self._sweep(trial, wall, held, lengths), self.n_colours)
+        before = float(self.energy(xy)[1].sum())
+        return 1.0 - float(self.energy(trial)[1].sum()) / before
+
+    def aim_at(self, targets: Targets) -> None:
+        """Ask each cell for this shape and size from now on; takes walls on shape down."""
+        self.targets, self._look = targets, None
+        self.maps = np.empty((0, 3)) if targets.maps is None else targets.maps
+        counts = targets.size_weight > 0.0
+        inv_area = np.divide(1.0, targets.area, out=np.zeros(counts.size), where=counts)
+        self.sizes = np.stack([inv_area, targets.size_weight], axis=1)
+        self._ask(targets.size_weight, np.zeros(counts.size))
+
+    def wall_off(self, xy: FloatArray, *, looser: float = 1.0, most: float = math.inf) -> None:
+        """Put a wall on each cell's shape.
+
+        Parameters
+        ----------
+        xy
+            A little beyond the shapes at these coordinates, (n, 2), stand the walls;
+        looser
+            or farther, but for layers.
+        most
+            None is farther than this multiple of the worst shape's energy.
+        """
+        shape = self.worst_shape(xy)
+        cap = np.maximum(SLIMMER * shape, LEAST_SLIM)
+        cap[~self.targets.is_layer] *= looser
+        slim = 1.0 / np.minimum(cap, max(LEAST_CAP, most * shape.max()))
+        topology, is_layer = self.topology, self.targets.is_layer
+        at_stake = beside_others(topology, is_layer) | (topology.cell_sizes == 3)
+        weight = np.where(at_stake, BORDER_WEIGHT, LAYER_WEIGHT)
+        weight = np.where(is_layer, weight, 1.0) * self.targets.size_weight
+        self._ask(weight, slim)
+
+    def measure_near(self, xy: FloatArray, rings: int) -> None:
+        """Let each cell's wall on badness stand by the worst of so many rings around it."""
+        from qsmooth.kernels.cell_energy import worst_around
+
+        badness = self.energy(xy)[0]
+        worst = np.maximum(np.where(np.isfinite(badness), badness, 1.0), 1.0)
+        worst = worst_around(worst, rings, *self.topology.cells, self.topology.n_vertices)
+        self._rows = self._rows._replace(near=(1.0 / worst)[self._blocks.cells])
+
+    def weigh_good(self, xy: FloatArray) -> None:
+        """Let each cell's shape energy f count by 1 / f² at these coordinates.
+
+        Then the energy falls as the mean of 1 / f, the mean shape, rises; else bad cells count for
+        more. Walls on shapes stay where they are.
+        """
+        size_weight, slim = self._asked
+        self._ask(size_weight, slim, np.minimum(self.worst_shape(xy), FLAT) ** -2)
+
+    def _ask(
+        self, size_weight: FloatArray, slim: FloatArray, weight: FloatArray | None = None
+    ) -> None:
+        """Put together what is asked of the cells around each vertex."""
+        from qsmooth.kernels.blocks import make_rows
+
+        weight = np.ones(slim.size) if weight is None else weight
+        self._asked = size_weight, slim
+        self._rows = make_rows(
+            self._blocks,
+            self._row_corners,
+            self.targets.corners,
+            self.targets.area,
+            size_weight,
+            slim,
+            weight,
+        )
+
+    def look(self, xy: FloatArray) -> Look:
+        """Measure the cells at these coordinates; the last look is kept, and used again."""
+        if self._look is None or not self._look.is_of(xy):
+            self._look = Look(self.topology, xy, self.movable, self.targets, self.sizes, self.maps)
+        return self._look
+
+    def worst_shape(self, xy: FloatArray) -> FloatArray:
+        """Largest shape energy of each cell's corners towards their targets, (n_cells,)."""
+        return self.look(xy).worst_shape
 
     def untangle(self, xy: FloatArray, sizes: FloatArray, epsilon: float) -> None:
         """Sweep once downhill on the regularised energy; sizes are squared lengths, (n,)."""
@@ -70,8 +228,30 @@ class Lanes:
             lambda colours: untangle_sweep(
                 xy, self._blocks, colours, RELAXATION, sizes, epsilon, lengths
             ),
-            self._n_colours,
+            self.n_colours,
         )
+
+    def mend_more(self, xy: FloatArray, closed: BoolArray, progress: Progress) -> None:
+        """Move each vertex to where more of its cells are good; closed corners don't count."""
+        from qsmooth.kernels.tangles import mend_more
+
+        topology, lengths = self.topology, self._moves.lengths
+        stars = topology.star_offsets, topology.star_cells, topology.star_corners
+        listed = self._blocks.vertices.astype(np.int64)
+        self._engine.run(
+            lambda _: mend_more(xy, (*stars, *topology.cells), closed, listed, lengths), 1
+        )
+        progress.sweeps += 1
+
+    def place_doublets(self, xy: FloatArray, progress: Progress) -> None:
+        """Put each vertex, all of them doublets, where the largest angle at it is least."""
+        from qsmooth.kernels.impossible import place_doublets
+
+        topology, lengths = self.topology, self._moves.lengths
+        stars = topology.star_offsets, topology.star_cells, topology.star_corners
+        listed = self._blocks.vertices.astype(np.int64)
+        self._engine.run(lambda _: place_doublets(xy, listed, *stars, *topology.cells, lengths), 1)
+        progress.sweeps += 1
 
     def report(self, xy: FloatArray, now: Quality, progress: Progress) -> None:
         """Note the last sweep in the history."""
@@ -84,8 +264,11 @@ class Lanes:
         progress.note(now, self._moves)
 
     def energy(self, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Largest badness and mean shape energy of each cell, overwritten by the next call."""
-        from qsmooth.kernels.newton_sweep import cell_energy
+        """Largest badness and mean shape energy of each cell, (n_cells,).
 
-        cell_energy(xy, *self.topology.cells, self.movable, self._badness, self._shape)
-        return self._badness, self._shape
+        Cells that nothing can be done for (`Caps.lost`) have none.
+        """
+        look, lost = self.look(xy), self.caps.lost
+        if not lost.any():
+            return look.badness, look.energy
+        return np.where(lost, 0.0, look.badness), np.where(lost, 0.0, look.energy)

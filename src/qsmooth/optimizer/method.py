@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -15,13 +15,47 @@ from qsmooth.methods.base import Method
 from qsmooth.methods.driver import invalid_cells, stored
 from qsmooth.metrics import Quality, limits, quality
 from qsmooth.optimizer.best import Best
+from qsmooth.optimizer.ground import Ground
+from qsmooth.optimizer.judgement import judged
 from qsmooth.optimizer.lanes import Lanes
+from qsmooth.optimizer.last_look import kept_from_better
+from qsmooth.optimizer.parsing import parse_hold, parse_target
 from qsmooth.optimizer.progress import ROUND, Progress
 from qsmooth.optimizer.stages import improve_mean, mend_worst
 from qsmooth.optimizer.untangling import untangle, with_proof
-from qsmooth.options import option
-from qsmooth.outcome import Aim, Forbidden, Invalid, Outcome, Stop, Trade
+from qsmooth.options import opaque, option
+from qsmooth.outcome import Aim, Forbidden, Held, Invalid, Outcome, Stop, Target
 from qsmooth.result import History, SmoothResult
+from qsmooth.targets import (
+    Targets,
+    candidates,
+    from_metric,
+    from_ratios,
+    ideal,
+    initial,
+    with_sizes,
+    without_sizes,
+)
+
+# Learned ratios are taken where with them the mean shape gets better by this factor than with
+# squares: 1.025 to 1.16 times as good over notches and bumps, .97 to 1.0003 elsewhere.
+CLEARLY = 1.01
+# A metric that is a function of places is asked again where the cells have come to, so often at
+# most, and until the mean target of areas and directions changes by less than this fraction.
+ASKINGS, ASKED = 8, 1e-2
+# Where no more than this share of the cells is invalid the mesh still says what it is meant to be.
+FEW_INVALID = 0.01
+# The last look is at corners as bad as this fraction of the worst one.
+LAST_WALL = 0.95
+
+
+def _change(old: Targets, new: Targets) -> float:
+    """Mean relative change of the target areas, or of the maps where that is larger."""
+    change = float(np.abs(np.log(new.area / old.area)).mean())
+    if old.maps is not None and new.maps is not None:
+        lengths = [np.abs(maps).max(axis=1) for maps in (new.maps - old.maps, old.maps)]
+        change = max(change, float((lengths[0] / lengths[1]).mean()))
+    return change
 
 
 @dataclass
@@ -29,9 +63,12 @@ class _Found:
     """What the stages came to."""
 
     xy: FloatArray
-    reached_target: bool = False
-    trades: tuple[Trade, ...] = ()
+    good_enough: bool = False
     forbidden: Forbidden | None = None
+    held: tuple[Held, ...] = ()
+    start: FloatArray | None = None
+    target: Target | None = None
+    layers: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,25 +83,30 @@ class _Staged(Method):
         before = quality(mesh)
         summary = before.summary()
         only, _ = self.selected(mesh)
-        stars = mesh.topology.schedule(self.keep_interfaces, only)
+        movable = mesh.topology.movable(self.keep_interfaces)
+        if only is not None:
+            movable &= only
+        n_movable = int(movable.sum())
         progress = Progress(self, summary)
         result, found, invalid = mesh, _Found(mesh.xy), invalid_cells(before, before)
-        if stars.vertices.size:
-            engine = threads_for(self.threads, stars.vertices.size)
+        if n_movable:
+            engine = threads_for(self.threads, n_movable)
+            ground = Ground(mesh.topology, self.keep_interfaces, only, engine)
             with engine.running():
-                lanes = Lanes(mesh.topology, stars, engine)
-                found = self.stages(lanes, mesh.xy.copy(), before, progress)
+                found = self.stages(ground, mesh, before, progress)
                 result = stored(mesh, found.xy)
                 invalid = invalid_cells(before, quality(result))
-        movable = np.zeros(mesh.n_vertices, np.bool_)
-        movable[stars.vertices] = True
         invalid = with_proof(invalid, mesh.topology, result.xy, movable)
-        bounds = self.bounds(result) if stars.vertices.size else None
+        bounds = self.bounds(result) if n_movable else None
         seconds = progress.seconds
         stop = progress.stop or self.finished(found, invalid)
-        if not stars.vertices.size and stop is not Stop.STUCK:
+        if not n_movable and stop is not Stop.STUCK:
             stop = Stop.NOTHING_MOVES
         after = quality(result)
+        start = before
+        if found.start is not None and before.n_invalid:
+            start = Quality(mesh.topology, found.start)
+        trades, sizes = judged(before, start, after, found.target, found.layers)
         return SmoothResult(
             mesh=result,
             outcome=Outcome(
@@ -77,9 +119,12 @@ class _Staged(Method):
                 unchanged=np.array_equal(result.points, mesh.points),
                 stages=tuple(progress.stages),
                 largest_share=progress.history[-1].largest_share if progress.history else 0.0,
-                trades=found.trades,
+                trades=trades,
                 forbidden=found.forbidden,
+                held=found.held,
                 invalid=invalid,
+                target=found.target,
+                sizes=sizes,
                 limits=bounds,
             ),
             history=History(progress.history),
@@ -93,8 +138,8 @@ class _Staged(Method):
         value = getattr(self, stop.value, None)
         return math.nan if value is None else float(value)
 
-    def stages(self, lanes: Lanes, xy: FloatArray, before: Quality, progress: Progress) -> _Found:
-        """Run the stages; `xy` may be changed."""
+    def stages(self, ground: Ground, mesh: Mesh, before: Quality, progress: Progress) -> _Found:
+        """Run the stages."""
         raise NotImplementedError
 
     def finished(self, found: _Found, invalid: Invalid | None) -> Stop:
@@ -115,10 +160,19 @@ class Optimize(_Staged):
     and steeper, pushes back the corners with the smallest sine, and only these. It stops by itself
     when nothing more is gained.
 
-    The result is never worse than the input in smallest angle, largest angle, smallest scaled
-    Jacobian and mean shape. Where the four can't all be had the worst cells go first, and the
-    outcome says so. An invalid mesh is untangled first; then the untangled mesh is what counts.
-    The history has a record for each round of ten sweeps.
+    The result is never worse than the input in smallest angle, largest angle and smallest scaled
+    Jacobian, nor in what `hold` adds: no move is taken that makes a corner or cell worse than the
+    worst was. The worst cells may cost a share `mean_loss` of the best mean quality; what else got
+    worse, and for what, the outcome says. An invalid mesh is untangled first; then the untangled
+    mesh is what counts. A metric asks for angles of its own: towards it only validity is kept, and
+    what `hold` lists, and there are no worst cells to see to. The history has a record for each
+    round of ten sweeps.
+
+    In Python the target may also be an array: ratios of sides, (n_cells,), of sides 0 and 2 over
+    sides 1 and 3 in the caller's order, for quads only; or metric tensors in 1/length²,
+    (n_vertices, 2, 2), symmetric and positive definite, in the coordinates of `mesh.xy`: edges e
+    with eᵀ M e = 1 are as long as is meant. Or a function of places that gives such tensors,
+    (k, 2) → (k, 2, 2), which is asked again where the cells have come to.
 
     Notes
     -----
@@ -134,36 +188,174 @@ class Optimize(_Staged):
     )
 
     max_sweeps: int = option(5000, within="[0, inf)", flag="sweeps", help="Sweeps at most.")
-    objective: Literal["shape"] = option(
-        "shape",
-        help="What the mean is of: shape is the mean ratio to squares and equilateral triangles.",
+    objective: Literal["shape", "shape-size"] | None = option(
+        None,
+        default_words="by target",
+        help="What the mean is of: the shape of cells as `target` has it; shape-size adds their "
+        "area, and is the default for the target initial and for metrics.",
+    )
+    size_weight: float = option(
+        1.0, within="[0, inf)", help="Weight of the area with the objective shape-size."
     )
     worst: bool = option(True, help="Whether to see to the worst cells too, or only to the mean.")
-    target_quality: float | None = option(
+    stop_quality: float | None = option(
         None, within="(0, 1]", help="Smallest scaled Jacobian at which it may stop."
+    )
+    hold: Any = option(
+        (),
+        metavar="FIGURES",
+        default_words="none",
+        parse=parse_hold,
+        help="What must not get worse besides the angles and the scaled Jacobian, of aspect_ratio, "
+        "shape and min_edge, with commas between (in Python also a list).",
+    )
+    target: Any = opaque(
+        "auto",
+        metavar="TARGET",
+        parse=parse_target,
+        help="What cells are meant to be: auto, what the mesh says; ideal, squares and equilateral "
+        "triangles; initial, their own size and ratio with right angles (in Python also ratios of "
+        "sides, or a metric).",
     )
     mean_loss: float = option(
         0.1, within="[0, 1)", help="Share of the best mean shape that the worst cells may cost."
     )
 
-    def stages(self, lanes: Lanes, xy: FloatArray, before: Quality, progress: Progress) -> _Found:
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "hold", parse_hold(self.hold))
+        object.__setattr__(self, "target", parse_target(self.target))
+
+    def run(self, mesh: Mesh, chosen: str = "") -> SmoothResult:
+        """Go through the stages, and sum up."""
+        if not isinstance(self.target, str):
+            self._given(mesh, mesh.xy)  # what does not fit the mesh is told of before all else
+        return super().run(mesh, chosen)
+
+    def stages(self, ground: Ground, mesh: Mesh, before: Quality, progress: Progress) -> _Found:
         """Untangle, improve the mean, mend the worst cells; keep the best that was seen."""
-        best = Best(lanes, xy, progress, mean_loss=self.mean_loss, target=self.target_quality)
-        if best.given.n_invalid:
+        lanes, xy = ground.lanes, mesh.xy.copy()
+        meant = xy
+        if before.n_invalid:
+            if before.n_invalid <= FEW_INVALID * lanes.topology.n_cells:
+                meant = xy.copy()  # untangling may move far more than what is invalid
             with progress.stage(Aim.UNTANGLE):
-                untangle(lanes, xy, progress)
-            best.restart(xy, mean_counts=False)
+                untangle(ground, xy, progress)
+        lanes.caps.hold(xy, self.hold, angles=not self._by_metric)
+        start = xy.copy()
         with progress.stage(Aim.MEAN_SHAPE):
-            improve_mean(lanes, xy, lanes.stars, best, progress, worst=self.worst)
-        if self.worst and not best.reached_target():
+            best, xy = self._improved(lanes, mesh, xy, meant, progress)
+        if self.worst and not self._by_metric and not best.good_enough():
             with progress.stage(Aim.WORST_CELLS):
                 mend_worst(lanes, xy, best, progress)
         best.settle()
-        return _Found(best.xy, best.reached_target(), best.trades, best.forbidden)
+        targets = lanes.targets
+        was, now = self._towards(lanes, mesh, start), self._towards(lanes, mesh, best.xy)
+        return _Found(
+            best.xy,
+            best.good_enough(),
+            best.forbidden,
+            self._kept(lanes, start, best, progress),
+            start=start,
+            target=Target(
+                kind=targets.kind,
+                before=was,
+                after=now,
+                ideal_before=float(lanes.quality(start).shape.mean()),
+                ideal_after=float(lanes.quality(best.xy).shape.mean()),
+            ),
+            layers=float(targets.is_layer.mean()),
+        )
+
+    def _kept(
+        self, lanes: Lanes, start: FloatArray, best: Best, progress: Progress
+    ) -> tuple[Held, ...]:
+        """Say where what is held kept a run that was not cut short from something better."""
+        from qsmooth.kernels.newton_sweep import Wall
+
+        if progress.stop is not None or best.good_enough():
+            return ()
+        lanes.caps.hold(start, self.hold, angles=not self._by_metric)
+        worst = lanes.energy(best.xy)[0].max(initial=1.0)
+        threshold = LAST_WALL * float(worst) if self.worst else np.inf
+        return kept_from_better(lanes, best.xy, Wall(1.0, threshold, 6))
+
+    def _towards(self, lanes: Lanes, mesh: Mesh, xy: FloatArray) -> float:
+        """Mean quality of coordinates towards what is meant; a function is asked where they are."""
+        if callable(self.target):
+            lanes.aim_at(self._given(mesh, xy))
+        return float((1.0 / lanes.worst_shape(xy)).mean())
+
+    @property
+    def _by_metric(self) -> bool:
+        """Whether a metric says what is meant: it asks for angles of its own."""
+        return not isinstance(self.target, str) and (callable(self.target) or self.target.ndim == 3)
+
+    def _improved(
+        self, lanes: Lanes, mesh: Mesh, start: FloatArray, meant: FloatArray, progress: Progress
+    ) -> tuple[Best, FloatArray]:
+        """Improve the mean towards what the mesh is meant to be; where two readings of that differ,
+        the one that comes nearer to squares and equilateral triangles is taken.
+        """
+        runs = []
+        for targets in self._targets(lanes, mesh, meant):
+            best, xy = self._aimed(lanes, targets, start, progress)
+            runs.append((best.figures.plain_shape, targets, best, xy))
+        if callable(self.target):
+            for _ in range(ASKINGS):
+                _, old, best, xy = runs[-1]
+                new = self._given(mesh, best.xy)
+                if progress.spent() or _change(old, new) < ASKED:
+                    break
+                best, xy = self._aimed(lanes, new, best.xy, progress)
+                runs = [(best.figures.plain_shape, new, best, xy)]
+        plain, *others = runs
+        chosen = plain
+        for other in others:
+            if other[0] >= CLEARLY * plain[0]:
+                chosen = other
+        lanes.aim_at(chosen[1])
+        return chosen[2], chosen[3]
+
+    def _aimed(
+        self, lanes: Lanes, targets: Targets, start: FloatArray, progress: Progress
+    ) -> tuple[Best, FloatArray]:
+        """Improve the mean towards these targets."""
+        lanes.aim_at(targets)
+        xy = start.copy()
+        best = Best(lanes, xy, progress, mean_loss=self.mean_loss, enough=self.stop_quality)
+        improve_mean(lanes, xy, lanes.stars, best, progress, worst=self.worst)
+        return best, xy
+
+    def _targets(self, lanes: Lanes, mesh: Mesh, xy: FloatArray) -> list[Targets]:
+        """What cells may be meant to be: plain first, then learned where that differs."""
+        if not isinstance(self.target, str):
+            return [self._given(mesh, xy)]
+        if self.target == "ideal":
+            found = [ideal(lanes.topology)]
+        elif self.target == "initial":
+            found = [initial(lanes.topology, xy)]
+        else:
+            plain, learned = candidates(lanes.topology, xy)
+            found = [plain] if learned is plain else [plain, learned]
+        return [self._sized(mesh, targets, xy) for targets in found]
+
+    def _given(self, mesh: Mesh, xy: FloatArray) -> Targets:
+        """Targets from the caller's ratios or metric."""
+        if not callable(self.target) and np.ndim(self.target) == 1:
+            return self._sized(mesh, from_ratios(mesh, self.target), xy)
+        return self._sized(mesh, from_metric(mesh, self.target, xy), xy)
+
+    def _sized(self, mesh: Mesh, targets: Targets, xy: FloatArray) -> Targets:
+        """Let sizes count as the objective says."""
+        by_size = targets.kind in ("initial", "metric")
+        if self.objective == "shape-size" or (self.objective is None and by_size):
+            return with_sizes(targets, mesh.topology, xy, self.size_weight)
+        return without_sizes(targets) if self.objective == "shape" and by_size else targets
 
     def finished(self, found: _Found, invalid: Invalid | None) -> Stop:
-        """Why it stopped where what the caller allows was not used up."""
-        return Stop.TARGET_QUALITY if found.reached_target else Stop.SETTLED
+        """Why it stopped where no limit of the caller was reached."""
+        return Stop.STOP_QUALITY if found.good_enough else Stop.SETTLED
 
     def bounds(self, result: Mesh) -> object:
         """Limits of the result's angles."""
@@ -192,11 +384,12 @@ class Untangle(_Staged):
 
     max_sweeps: int = option(20_000, within="[0, inf)", flag="sweeps", help="Sweeps at most.")
 
-    def stages(self, lanes: Lanes, xy: FloatArray, before: Quality, progress: Progress) -> _Found:
+    def stages(self, ground: Ground, mesh: Mesh, before: Quality, progress: Progress) -> _Found:
         """Untangle, unless the mesh is valid."""
+        xy = mesh.xy.copy()
         if before.n_invalid:
             with progress.stage(Aim.UNTANGLE):
-                untangle(lanes, xy, progress)
+                untangle(ground, xy, progress)
         return _Found(xy)
 
     def finished(self, found: _Found, invalid: Invalid | None) -> Stop:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from qsmooth._types import FloatArray
 from qsmooth.kernels.stars import Stars
 from qsmooth.optimizer.best import LEAST_GAIN, Best
+from qsmooth.optimizer.caps import HOLDABLE
 from qsmooth.optimizer.lanes import Lanes
 from qsmooth.optimizer.progress import Progress
 
@@ -18,14 +21,30 @@ MEAN_GAIN = 1e-4
 # Sweeps that still gain this much a round after those rounds creep: a whole region has to move.
 # Then at most so many Newton steps on the whole mesh, while each gains more than this.
 CREEPING = 2e-3
-GLOBAL_STEPS = 8
+GLOBAL_STEPS = 24
 GLOBAL_GAIN = 2e-2
+# Steps in a row that may cost the mean of the shapes.
+STEP_PATIENCE = 3
+# The same where a sweep would gain this fraction of the energy if nothing were held.
+KEPT_BACK = 2e-2
 # The walls put up one after the other: power 2 ** squarings, and where each stands as a fraction of
 # the worst corner's badness. At the last it stands so near the worst corner that all others can go
 # back to where the mean shape is best.
 WALLS = ((2, 0.7), (3, 0.8), (4, 0.85), (5, 0.9), (6, 0.9), (6, 0.95))
-# Rounds without a better result after which the next wall is put up.
-WALL_PATIENCE = 2
+# After so many rounds in which the worst corner did not get better by this the next wall is put up;
+# more rounds where there are layers, whose angles get better by and by.
+WALL_PATIENCE, LAYER_PATIENCE, WALL_GAIN = 1, 2, 3e-4
+# The last walls are put up once more with walls on the shapes that stand this much farther back.
+LAST_WALLS, LOOSER = 3, 3.0
+# Then these walls stand by the worst cell of so many rings, for so many rounds each; they may cost
+# the mean this fraction; and no shape is to be worse than this multiple of the worst one.
+EVEN_WALLS, EVEN_RINGS, EVEN_ROUNDS, EVEN_LOSS, EVEN_SLIM = 2, 10, 3, 5e-3, 0.79
+# Rounds at most in which the mean gets back what the worst cells do not need, what a round must
+# gain for another, and how much the mean counts beside the wall.
+RELAX_ROUNDS, RELAX_GAIN, RELAX_WEIGHT = 12, 1e-4, 11.0
+# Low angles and the worst shape keep this fraction of what they have. A round that would cost them
+# more is taken back, and so often tried with the mean counting for less.
+KEPT, RELAX_PATIENCE, RELAX_LESS = 0.97, 2, 0.2
 
 
 def improve_mean(
@@ -50,63 +69,150 @@ def improve_mean(
     settled = MEAN_GAIN if worst else SETTLED
     no_wall = Wall(1.0, np.inf, 1)
     energy, rounds = np.inf, 0
+    start = _total(lanes.energy(xy)[1])
     best_shape, since = 0.0, 0
-    while not progress.spent() and not best.reached_target():
+    while not progress.spent() and not best.good_enough():
         lanes.newton(xy, no_wall, progress)
         rounds += 1
         before, energy = energy, _total(lanes.energy(xy)[1])
-        shape = best.offer(xy).shape
+        shape = best.offer(xy, by_mean=not worst).shape
         # The energy counts bad cells for more than the mean of the shapes does: where the one
         # falls at the other's cost there is no more to gain here.
         best_shape, since = max(best_shape, shape), 0 if shape > best_shape else since + 1
+        due = rounds % MEAN_ROUNDS == 0
         if energy >= before * (1.0 - settled) or since >= MEAN_ROUNDS:
+            due, over = True, True
+        else:
+            over = worst and due
+        if not due:
+            continue
+        creeping = energy < before * (1.0 - CREEPING) or energy >= start * (1.0 - CREEPING)
+        if creeping or lanes.kept_back(xy) > KEPT_BACK:
+            _global_steps(lanes, xy, stars, best, progress, by_mean=not worst)
+            before, energy = energy, _total(lanes.energy(xy)[1])
+            if energy < before * (1.0 - CREEPING):
+                start, since = energy, 0
+                continue
+        if over:
             break
-        if rounds % MEAN_ROUNDS == 0:
-            gained = 0
-            if best.figures.n_invalid == 0 and energy < before * (1.0 - CREEPING):
-                gained = _global_steps(lanes, xy, stars, best, progress)
-                energy = _total(lanes.energy(xy)[1])
-            if worst and not gained:
-                break
 
 
 def mend_worst(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> None:
     """Push the worst corners back with a wall that gets steeper, while the mean affords it.
 
+    Where they gain no more the worst of each neighbourhood have their turn, and the worst shapes;
+    then the mean gets back what none of these need.
+
     Parameters are those of `improve_mean`.
     """
+    best.limit_sizes()
+    start = best.mark()
+    first = xy.copy()
+    lanes.wall_off(xy)
+    _push(lanes, xy, best, progress, WALLS)
+    strict, walls = best.mark(), WALLS[-LAST_WALLS:]
+    xy[:] = best.xy
+    if best.forbidden is not None:
+        # The walls on shapes cost the mean more than it affords: once more without them.
+        walls, xy[:] = WALLS, first
+        best.start_again(start)
+    lanes.wall_off(xy, looser=LOOSER)
+    _push(lanes, xy, best, progress, walls)
+    if not best.pays_since(strict):
+        best.back_to(strict)
+    if best.good_enough() or lanes.targets.is_layer.any():
+        return  # the angles of layers would go back to what their sizes ask for
+    lanes.caps.hold(best.xy, HOLDABLE)
+    low = KEPT * best.figures.low_angle
+    xy[:] = best.xy
+    _even_out(lanes, xy, best, progress, low)
+    lanes.caps.hold(best.xy, HOLDABLE)
+    xy[:] = best.xy
+    _relax(lanes, xy, best, progress, low)
+
+
+def _push(
+    lanes: Lanes, xy: FloatArray, best: Best, progress: Progress, walls: Sequence[tuple[int, float]]
+) -> None:
+    """Put these walls up one after the other."""
     from qsmooth.kernels.newton_sweep import Wall
 
-    weight = 1.0
-    for squarings, share in WALLS:
-        patience, updates = WALL_PATIENCE, best.updates
-        while patience and not progress.spent() and not best.reached_target():
+    weight, seen = 1.0, best.figures.free_jacobian
+    most = LAYER_PATIENCE if lanes.targets.is_layer.any() else WALL_PATIENCE
+    for squarings, share in walls:
+        patience = most
+        while patience and not (progress.spent() or best.good_enough() or best.at_limit()):
             worst = _largest(lanes.energy(xy)[0])
             lanes.newton(xy, Wall(weight, share * worst, squarings), progress)
             now = best.offer(xy)
-            # The mean counts for more where the wall has cost it more than is allowed.
-            weight = 2.0 * weight if now.shape < best.floor() else max(1.0, 0.5 * weight)
-            patience = WALL_PATIENCE if best.updates > updates else patience - 1
-            updates = best.updates
+            # Mean and sizes count for more where the wall has cost them more than is allowed.
+            affordable = best.affords(now)
+            weight = max(1.0, 0.5 * weight) if affordable else 2.0 * weight
+            gains = affordable and now.free_jacobian > seen + WALL_GAIN
+            patience = most if gains else patience - 1
+            seen = max(seen, now.free_jacobian) if affordable else seen
+
+
+def _even_out(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress, low: float) -> None:
+    """Put walls up by the worst of each neighbourhood, and by the worst shape of all."""
+    from qsmooth.kernels.newton_sweep import Wall
+
+    lanes.wall_off(xy, most=EVEN_SLIM)
+    weight, floor = 1.0, best.figures.shape * (1.0 - EVEN_LOSS)
+    for squarings, share in [wall for wall in WALLS[-EVEN_WALLS:] for _ in range(EVEN_ROUNDS)]:
+        if progress.spent():
+            break
+        lanes.measure_near(xy, EVEN_RINGS)
+        lanes.newton(xy, Wall(weight, share, squarings), progress)
+        best.offer_overall(xy, floor, low)
+        if best.last.shape < floor:
+            weight *= 4.0
+
+
+def _relax(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress, low: float) -> None:
+    """Give the mean back what it can have without the worst cells getting worse again."""
+    from qsmooth.kernels.newton_sweep import Wall
+
+    shape, weight, patience = best.figures.shape, RELAX_WEIGHT, RELAX_PATIENCE
+    low = max(low, KEPT * best.figures.low_angle)
+    worst = KEPT * best.figures.least_shape
+    for _ in range(RELAX_ROUNDS):
+        if progress.spent() or not patience:
+            break
+        lanes.weigh_good(xy)
+        # Walls where the worst corners are: by caps alone vertices would be stopped one by one.
+        lanes.measure_near(xy, EVEN_RINGS)
+        lanes.newton(xy, Wall(weight, 1.0, WALLS[-1][0]), progress)
+        if best.offer_relaxed(xy, low, worst):
+            before, shape = shape, best.last.shape
+            if shape < before + RELAX_GAIN:
+                break
+        else:
+            xy[:] = best.xy
+            weight, patience = RELAX_LESS * weight, patience - 1
 
 
 def _global_steps(
-    lanes: Lanes, xy: FloatArray, stars: Stars, best: Best, progress: Progress
+    lanes: Lanes, xy: FloatArray, stars: Stars, best: Best, progress: Progress, *, by_mean: bool
 ) -> int:
     """Take Newton steps on all vertices at once while each pays; return their count."""
     from qsmooth.optimizer.global_newton import GlobalNewton
 
-    solver = GlobalNewton(lanes.topology, stars)
-    trial, shape, count = xy.copy(), 0.0, 0
-    while count < GLOBAL_STEPS and not progress.spent():
+    solver = GlobalNewton(
+        lanes.topology, stars, lanes.targets.corners, lanes.sizes, lanes.maps, lanes.caps
+    )
+    trial, shape, count, patience = xy.copy(), best.best_shape - LEAST_GAIN, 0, STEP_PATIENCE
+    while count < GLOBAL_STEPS and patience and not progress.spent():
         gain = solver.step(trial)
-        # The sum of f counts bad cells for more than the mean of the shapes 1 / f does: a step that
-        # serves the first at the second's cost does not pay.
-        now = best.offer(trial) if gain else best.figures
-        if gain == 0.0 or now.shape < max(shape, best.best_shape - LEAST_GAIN):
+        if gain == 0.0:
             break
-        xy[:], shape = trial, now.shape
+        # The sum of f counts bad cells for more than the mean of the shapes 1 / f does: steps that
+        # serve the first at the second's cost do not pay.
+        now = best.offer(trial, by_mean=by_mean)
         count += 1
+        patience -= 1
+        if now.shape >= shape:
+            xy[:], shape, patience = trial, now.shape, STEP_PATIENCE
         if gain < GLOBAL_GAIN:
             break
     progress.steps += count

@@ -1,98 +1,151 @@
-"""Untangling: sweeps on a regularised energy until every cell is valid."""
+"""Untangling: sweeps on a regularised energy until every cell is valid, near the tangles alone."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
-from qsmooth._types import BoolArray, FloatArray
-from qsmooth.optimizer.lanes import Lanes
-from qsmooth.optimizer.progress import ROUND, Progress
+from qsmooth._types import BoolArray, FloatArray, IndexArray
+from qsmooth.metrics.impossible import Impossible, impossible
+from qsmooth.optimizer.ground import Ground
+from qsmooth.optimizer.islands import Islands, Task
+from qsmooth.optimizer.progress import Progress
 from qsmooth.outcome import Invalid
 from qsmooth.topology import Topology
 
-# Sweeps without any progress after which untangling gives up.
-PATIENCE = 400
+# Edges from an invalid cell to the farthest vertex that may move at first; doubled where that is
+# not enough. Where a larger share than these of all that is movable would move, at first and then,
+# all of it may.
+RINGS = 2
+MOST_LOCAL, MOST_GROWN = 0.25, 0.1
+# Sweeps without any progress after which untangling gives up, near tangles and on the whole mesh;
+# and the most sweeps near tangles, for each ring: the farther a change goes the longer it takes.
+WAIT, PATIENCE = 20, 400
+MOST_SWEEPS = 20
 # Sweeps of the logarithmic mean that makes the local size smooth.
 SIZE_RINGS = 3
-# Square of the regularisation at a valid corner: it is lowered by the factor, down to the least,
-# each time that no more is gained.
-FLOOR, FLOOR_FACTOR, LEAST_FLOOR = 1e-4, 0.01, 1e-9
-# The square grows by this times that of the smallest determinant, where that is negative.
-PER_DETERMINANT = 0.04
-# The smallest determinant has grown when it did by this fraction of itself.
-LEAST_PROGRESS = 1e-3
+# Rounds of looking for places that mend more cells, and rounds of these without gain after which
+# it is given up: where sweeps near tangles are stuck, and where those on the whole mesh are.
+LOCAL_MENDING, MENDING = (10, 3), (60, 8)
 
 
-def untangle(lanes: Lanes, xy: FloatArray, progress: Progress) -> None:
+def untangle(ground: Ground, xy: FloatArray, progress: Progress) -> None:
     """Sweep until every cell is valid; else leave the coordinates with the fewest invalid cells.
 
-    A round that is over in between is noted, and what it comes to in the end.
+    A round that is over in between is noted, and what it comes to in the end. Vertices far from
+    invalid cells move only where moving the near ones is not enough.
 
     Parameters
     ----------
-    lanes, progress
-        The sweeps, and what counts them.
+    ground, progress
+        What may move, and what counts the sweeps.
     xy : (n, 2)
         Changed in place.
     """
-    from qsmooth.kernels.untangle_sweep import smallest_determinant
+    tangle = _Tangle(ground, xy, progress)
+    bad = tangle.sweep_and_grow()
+    while bad.size and not progress.spent() and tangle.mend_more(bad):
+        bad = tangle.sweep_and_grow()
+    tangle.place_doublets()
 
-    cells = lanes.topology.cells
-    sizes = local_sizes(lanes.topology, xy)
-    smallest = np.empty(lanes.topology.n_cells)
-    best_count, best_xy = lanes.quality(xy).n_invalid, xy.copy()
-    n_hopeless, n_before = (
-        int(hopeless_cells(lanes.topology, xy, lanes.movable).sum()),
-        progress.sweeps,
-    )
-    floor, least, patience = FLOOR, -np.inf, PATIENCE
-    while best_count > n_hopeless and not progress.spent():
-        smallest_determinant(xy, *cells, sizes, smallest)
-        worst = float(smallest.min())
-        if worst > least + LEAST_PROGRESS * abs(least):
-            least, patience = worst, PATIENCE
-        elif patience == 0 and floor > LEAST_FLOOR:
-            floor, least, patience = FLOOR_FACTOR * floor, worst, PATIENCE
-        elif patience == 0:
-            break
-        patience -= 1
-        epsilon = float(np.sqrt(floor + PER_DETERMINANT * min(0.0, worst) ** 2))
-        lanes.untangle(xy, sizes, epsilon)
-        progress.sweeps += 1
-        if progress.sweeps % ROUND == 0:
-            lanes.report(xy, lanes.quality(xy), progress)
-        if worst > 0.0 or progress.sweeps % ROUND == 0 or (smallest <= 0.0).sum() < best_count:
-            count = lanes.quality(xy).n_invalid
-            if count < best_count:
-                best_count, best_xy[:] = count, xy
-    xy[:] = best_xy
-    if progress.sweeps > n_before:
-        lanes.report(xy, lanes.quality(xy), progress)
+
+class _Tangle:
+    """The invalid cells of a mesh, and what can be done about them.
+
+    Parameters
+    ----------
+    ground, xy, progress
+        As in `untangle`.
+    """
+
+    def __init__(self, ground: Ground, xy: FloatArray, progress: Progress) -> None:
+        self.ground, self.xy, self.progress = ground, xy, progress
+        self.topology = ground.topology
+        self.proof: Impossible = impossible(self.topology, xy, ground.movable)
+        self.every_cell = np.arange(self.topology.n_cells)
+        self.n_movable = int(ground.movable.sum())
+
+    @cached_property
+    def task(self) -> Task:
+        """What is untangled; the local sizes are those of the mesh as it is when first wanted."""
+        sizes = local_sizes(self.topology, self.xy)
+        return Task(self.ground, self.progress, self.xy, self.proof.closed, sizes)
+
+    def bad(self) -> IndexArray:
+        """List the cells that are not valid and yet could be."""
+        from qsmooth.kernels.tangles import bad_cells
+
+        marked = np.empty(self.topology.n_cells, np.bool_)
+        bad_cells(self.xy, *self.topology.cells, self.proof.closed, self.every_cell, marked)
+        return np.flatnonzero(marked)
+
+    def near(self, cells: IndexArray, rings: int) -> BoolArray:
+        """Mark the movable vertices within so many edges of the cells, (n_vertices,)."""
+        from qsmooth.kernels.tangles import grow
+
+        marked = np.zeros(self.topology.n_vertices, np.bool_)
+        offsets, vertices = self.topology.cells
+        for corner in range(4):
+            at = offsets[cells] + corner
+            marked[vertices[at[at < offsets[cells + 1]]]] = True
+        grow(marked, rings, *self.topology.rings)
+        return marked & self.ground.movable
+
+    def sweep_and_grow(self) -> IndexArray:
+        """Mend or sweep near the invalid cells; where they stay, farther and farther around.
+
+        Gives those that are left.
+
+        Mending moves the fewest vertices, and keeps stretched cells stretched: it comes first, for
+        islands that it can clear.
+        """
+        rings, whole, mend = RINGS, False, True
+        bad = self.bad()
+        while not whole and bad.size and not self.progress.spent():
+            near, movable = self.near(bad, rings), self.ground.movable
+            share = MOST_LOCAL if rings == RINGS else MOST_GROWN
+            whole = int(near.sum()) > share * self.n_movable
+            islands = Islands(self.task, movable if whole else near, PATIENCE if whole else WAIT)
+            if mend and not whole:
+                islands.mend_more(*LOCAL_MENDING, wholly=True)
+                mend = False
+            else:
+                islands.sweep(None if whole else MOST_SWEEPS * rings)
+                rings *= 2
+            bad = self.bad()
+        return bad
+
+    def mend_more(self, bad: IndexArray) -> bool:
+        """Look for places that mend more cells where no sweep does; say whether there were."""
+        islands = Islands(self.task, self.near(bad, RINGS), 0)
+        return islands.mend_more(*MENDING, wholly=False)
+
+    def place_doublets(self) -> None:
+        """Bring the largest angle of doublets as near to 180 degrees as it goes."""
+        doublets = self.proof.doublets & self.ground.movable
+        if not doublets.any() or self.progress.spent():
+            return
+        lanes = self.ground.lanes_of(doublets)
+        lanes.place_doublets(self.xy, self.progress)
+        lanes.report(self.xy, lanes.quality(self.xy), self.progress)
 
 
 def with_proof(
     invalid: Invalid | None, topology: Topology, xy: FloatArray, movable: BoolArray
 ) -> Invalid | None:
-    """Say for which of the cells that stay invalid it is proven that they must.
-
-    `movable`, (n_vertices,), marks the vertices that could move.
-    """
+    """Say for which of the cells that stay invalid it is proven that they must."""
     if invalid is None or not invalid.after:
         return invalid
-    hopeless = hopeless_cells(topology, xy, movable)
-    proven = int(hopeless.sum())
-    return replace(invalid, proven=proven, first_proven=int(np.argmax(hopeless)) if proven else -1)
-
-
-def hopeless_cells(topology: Topology, xy: FloatArray, movable: BoolArray) -> BoolArray:
-    """Mark the cells that no move can make valid, (n_cells,)."""
-    from qsmooth.kernels import untangle_sweep as kernels
-
-    hopeless = np.empty(topology.n_cells, np.bool_)
-    kernels.hopeless_cells(xy, *topology.cells, movable, hopeless)
-    return hopeless
+    proof = impossible(topology, xy, movable)
+    proven = int(proof.cells.sum())
+    return replace(
+        invalid,
+        proven=proven,
+        first_proven=int(np.argmax(proof.cells)) if proven else -1,
+        proven_doublets=int(proof.by_doublet.sum()),
+    )
 
 
 def local_sizes(topology: Topology, xy: FloatArray) -> FloatArray:

@@ -1,0 +1,49 @@
+"""What a run of the optimiser stands on: the mesh, what may move, and who runs the sweeps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from qsmooth._types import BoolArray
+from qsmooth.engine import Engine
+from qsmooth.optimizer.lanes import Lanes
+from qsmooth.topology import Topology
+
+
+@dataclass(frozen=True)
+class Ground:
+    """The mesh, what may move, and who runs the sweeps.
+
+    Attributes
+    ----------
+    topology
+        Of the mesh.
+    keep_interfaces, only
+        Whether interfaces stay, and which vertices are selected, None for all.
+    engine
+        Who runs the sweeps.
+    """
+
+    topology: Topology
+    keep_interfaces: bool
+    only: BoolArray | None
+    engine: Engine
+
+    @cached_property
+    def movable(self) -> BoolArray:
+        """Mark the vertices that may move, (n_vertices,)."""
+        movable = self.topology.movable(self.keep_interfaces)
+        return movable if self.only is None else movable & self.only
+
+    @cached_property
+    def lanes(self) -> Lanes:
+        """All of them in lanes; made when they are first wanted."""
+        stars = self.topology.schedule(self.keep_interfaces, self.only)
+        return Lanes(self.topology, stars, self.engine)
+
+    def lanes_of(self, vertices: BoolArray) -> Lanes:
+        """Put only these in lanes, (n_vertices,)."""
+        return Lanes(
+            self.topology, self.topology.schedule(self.keep_interfaces, vertices), self.engine
+        )

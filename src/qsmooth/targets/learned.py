@@ -1,0 +1,80 @@
+"""What the mesh means to be, all of it put together."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from qsmooth._types import FloatArray
+from qsmooth.targets.algebra import rectangle_corners, step
+from qsmooth.targets.base import Targets, beside_others, ideal
+from qsmooth.targets.rectangles import rectangles
+from qsmooth.targets.sheets import Sheets
+from qsmooth.targets.sizes import unit_of
+from qsmooth.targets.triangles import fill_triangles
+from qsmooth.topology import Topology
+
+# A cell has the shape of a layer's to the full when it is half of the layer.
+LAYER_SHAPE = 0.0, 0.5
+# Sizes of layers' cells count so much more beside others, whose shape else costs their height: 1.05
+# times of it at the trailing edge of an airfoil, and 1.04 with this.
+BORDER_WEIGHT = 3.0
+
+
+def learned(topology: Topology, xy: FloatArray) -> Targets:
+    """Find out what the mesh means to be, all of it; see the head of this module.
+
+    Parameters
+    ----------
+    xy : (n_vertices, 2)
+        A valid mesh; what is invalid is taken for isotropic.
+    """
+    return candidates(topology, xy)[1]
+
+
+def candidates(topology: Topology, xy: FloatArray) -> tuple[Targets, Targets]:
+    """Find out what the mesh means to be, in two ways.
+
+    They differ in the quads that are of no layer. A stretched one may be meant, as over a bump, or
+    be distorted; which, the mean stage tells: go on from the result with the larger mean shape to
+    squares.
+
+    Parameters
+    ----------
+    xy : (n_vertices, 2)
+        A valid mesh; what is invalid is taken for isotropic.
+
+    Returns
+    -------
+    squares, ratios
+        With squares there, and with learned ratios of sides; the same object where no ratio is
+        learned. Where there is no layer, stretched triangle or grading the first is `ideal`.
+    """
+    unit = unit_of(xy)
+    xy = xy / unit
+    sheets = Sheets(topology, xy)
+    layer = sheets.layers()
+    log_ratio, log_area = rectangles(sheets) if layer.any() else (np.zeros(layer.size),) * 2
+    ratios = sheets.learned_ratios()
+    n_quads = sheets.n_quads
+    quads, places = sheets.first[:n_quads], sheets.sides[:n_quads]
+    plain = ideal(topology)
+    area, weight, is_layer = np.zeros(topology.n_cells), plain.size_weight, plain.is_layer
+    corners = plain.corners
+    area[quads], weight[quads] = log_area[:n_quads], layer[:n_quads]
+    fill_triangles(topology, xy, sheets, layer, log_ratio, log_area, corners, area, weight)
+    for cells in (sheets.first, sheets.second):
+        is_layer[cells] = layer > 0.5
+    weight[beside_others(topology, is_layer)] *= BORDER_WEIGHT
+    found = []
+    share = step(layer[:n_quads], LAYER_SHAPE)
+    for other in (np.zeros(n_quads), ratios[:n_quads]):
+        both = share * log_ratio[:n_quads] + (1.0 - share) * other
+        with_quads = corners.copy()
+        with_quads[places] = rectangle_corners(both)
+        found.append(with_quads)
+    sizes = np.where(weight > 0.0, np.exp(area) * unit**2, np.nan)
+    is_plain = not weight.any() and np.array_equal(found[0], plain.corners)
+    squares = Targets(found[0], sizes, weight, is_layer, "ideal" if is_plain else "squares")
+    if not (ratios[:n_quads] * (1.0 - share)).any():
+        return squares, squares
+    return squares, squares._replace(corners=found[1], kind="ratios")
