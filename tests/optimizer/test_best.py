@@ -25,7 +25,7 @@ GIVEN = Figures(
 )
 
 
-def best_of(*, mean_loss=0.1, enough=None, kind="ideal", given=GIVEN):
+def best_of(*, mean_loss=0.1, enough=None, kind="ideal", given=GIVEN, keep_mean=False):
     """The best so far with figures that are said, not measured; and how to say the next."""
     mesh = random_mesh("mixed", 3, seed=1).mesh
     lanes = Lanes(mesh.topology, mesh.topology.schedule(True), threads_for(1, mesh.n_vertices))
@@ -37,7 +37,7 @@ def best_of(*, mean_loss=0.1, enough=None, kind="ideal", given=GIVEN):
             return said[-1]
 
     progress = Progress(Optimize(), quality(mesh).summary())
-    best = Said(lanes, mesh.xy, progress, mean_loss=mean_loss, enough=enough)
+    best = Said(lanes, mesh.xy, progress, mean_loss=mean_loss, enough=enough, keep_mean=keep_mean)
 
     def offer(how, *arguments, **figures):
         """Offer other coordinates, with these figures; returns what comes of it and if kept."""
@@ -86,6 +86,14 @@ def test_a_better_worst_corner_is_kept_while_the_mean_affords_it():
     assert not kept(offer, "offer", free_jacobian=0.4, shape=0.85)
     assert not kept(offer, "offer", free_jacobian=0.6, shape=0.76)
     assert kept(offer, "offer", free_jacobian=0.6, shape=0.77)
+
+
+@pytest.mark.nojit
+def test_what_a_mesh_came_with_may_be_kept_unless_more_loss_is_allowed():
+    for loss, least in ((0.0, 0.8), (0.1, 0.8), (0.28, 0.64)):
+        for more, expected in ((1e-9, True), (-1e-9, False)):
+            _, offer = best_of(mean_loss=loss, keep_mean=True)
+            assert kept(offer, "offer", free_jacobian=0.6, shape=least + more) is expected
 
 
 @pytest.mark.nojit

@@ -248,6 +248,16 @@ def test_where_the_mean_is_at_its_best_worst_cells_may_cost_so_much_of_it(seed, 
         assert "that mean_loss=0 forbids" in kept.reason
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_where_cells_are_to_be_ideal_the_mean_is_no_worse_than_it_was(seed):
+    mesh = smooth(random_triangles(200, seed=seed), "optimize", worst=False).mesh
+    result = promises.check(mesh, Optimize()).result
+    if result.outcome.target.kind == "ideal":
+        assert result.after.mean["shape"] >= result.before.mean["shape"]
+    loose = promises.check(mesh, Optimize(mean_loss=0.3)).result
+    assert loose.after.worst["scaled_jacobian"] >= result.after.worst["scaled_jacobian"] - 1e-3
+
+
 # ------------------------------------------------------------------------------- what is held
 
 

@@ -19,6 +19,8 @@ LEAST_GAIN = 1e-3
 AT_LIMIT = 1e-5
 # A better worst corner that the allowed loss of the mean forbids is told of from this gain on.
 LEAST_FORBIDDEN = 1e-2
+# The share of the mean shape that the worst cells may cost if nothing else is said.
+MEAN_LOSS = 0.1
 # What the worst cells may cost the sizes: by so much may the mean of γ |log τ| grow.
 MOST_RESIZED = 0.06
 # Areas count as this multiple of their target at least.
@@ -87,6 +89,9 @@ class Best:
         Share of the best mean shape towards the target that the worst cells may cost.
     enough
         Smallest scaled Jacobian that is enough, or None.
+    keep_mean
+        Whether the mean shape is to stay what it was given as, at least, unless `mean_loss` is more
+        than usual.
 
     Attributes
     ----------
@@ -106,9 +111,10 @@ class Best:
         *,
         mean_loss: float,
         enough: float | None,
+        keep_mean: bool = False,
     ) -> None:
         self.lanes, self.progress = lanes, progress
-        self._mean_loss, self._enough = mean_loss, enough
+        self._mean_loss, self._enough, self._keep_mean = mean_loss, enough, keep_mean
         # A metric asks for angles of its own: towards it only the energy tells what is better.
         self._by_energy = lanes.targets.kind == "metric"
         self.updates = 0
@@ -205,7 +211,11 @@ class Best:
 
     def floor(self) -> float:
         """Mean shape that the worst cells may not cost more than."""
-        return (1.0 - self._mean_loss) * self.best_shape
+        share, least = 1.0 - self._mean_loss, 0.0
+        if self._keep_mean:
+            # What was there before is given up only by those who allow more than is usual.
+            least = min(1.0, share / (1.0 - MEAN_LOSS)) * self.given.shape
+        return max(share * self.best_shape, least)
 
     def affords(self, now: Figures) -> bool:
         """Whether neither the mean shape nor the sizes have lost more than is allowed."""

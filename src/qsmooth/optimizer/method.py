@@ -14,7 +14,7 @@ from qsmooth.mesh import Mesh
 from qsmooth.methods.base import Method
 from qsmooth.methods.driver import invalid_cells, stored
 from qsmooth.metrics import Quality, limits, quality
-from qsmooth.optimizer.best import Best
+from qsmooth.optimizer.best import MEAN_LOSS, Best
 from qsmooth.optimizer.ground import Ground
 from qsmooth.optimizer.judgement import judged
 from qsmooth.optimizer.lanes import Lanes
@@ -218,7 +218,10 @@ class Optimize(_Staged):
         "sides, or a metric).",
     )
     mean_loss: float = option(
-        0.1, within="[0, 1)", help="Share of the best mean shape that the worst cells may cost."
+        MEAN_LOSS,
+        within="[0, 1)",
+        help="Share of the best mean shape that the worst cells may cost. Up to 0.1, "
+        "in isotropic meshes, at least what the input had is left.",
     )
 
     def __post_init__(self) -> None:
@@ -298,8 +301,9 @@ class Optimize(_Staged):
         the one that comes nearer to squares and equilateral triangles is taken.
         """
         runs = []
-        for targets in self._targets(lanes, mesh, meant):
-            best, xy = self._aimed(lanes, targets, start, progress)
+        found, keep_mean = self._targets(lanes, mesh, meant)
+        for targets in found:
+            best, xy = self._aimed(lanes, targets, start, progress, keep_mean)
             runs.append((best.figures.plain_shape, targets, best, xy))
         if callable(self.target):
             for _ in range(ASKINGS):
@@ -318,27 +322,41 @@ class Optimize(_Staged):
         return chosen[2], chosen[3]
 
     def _aimed(
-        self, lanes: Lanes, targets: Targets, start: FloatArray, progress: Progress
+        self,
+        lanes: Lanes,
+        targets: Targets,
+        start: FloatArray,
+        progress: Progress,
+        keep_mean: bool = False,
     ) -> tuple[Best, FloatArray]:
         """Improve the mean towards these targets."""
         lanes.aim_at(targets)
         xy = start.copy()
-        best = Best(lanes, xy, progress, mean_loss=self.mean_loss, enough=self.stop_quality)
+        best = Best(
+            lanes,
+            xy,
+            progress,
+            mean_loss=self.mean_loss,
+            enough=self.stop_quality,
+            keep_mean=keep_mean,
+        )
         improve_mean(lanes, xy, lanes.stars, best, progress, worst=self.worst)
         return best, xy
 
-    def _targets(self, lanes: Lanes, mesh: Mesh, xy: FloatArray) -> list[Targets]:
-        """What cells may be meant to be: plain first, then learned where that differs."""
+    def _targets(self, lanes: Lanes, mesh: Mesh, xy: FloatArray) -> tuple[list[Targets], bool]:
+        """What cells may be meant to be, plain first, then learned where that differs; and whether
+        the mesh itself says that ideal is what they are meant to be.
+        """
         if not isinstance(self.target, str):
-            return [self._given(mesh, xy)]
+            return [self._given(mesh, xy)], False
+        if self.target == "initial":
+            return [self._sized(mesh, initial(lanes.topology, xy), xy)], False
+        plain, learned = candidates(lanes.topology, xy)
+        isotropic = learned is plain and plain.kind == "ideal"
+        found = [plain] if learned is plain else [plain, learned]
         if self.target == "ideal":
             found = [ideal(lanes.topology)]
-        elif self.target == "initial":
-            found = [initial(lanes.topology, xy)]
-        else:
-            plain, learned = candidates(lanes.topology, xy)
-            found = [plain] if learned is plain else [plain, learned]
-        return [self._sized(mesh, targets, xy) for targets in found]
+        return [self._sized(mesh, targets, xy) for targets in found], isotropic
 
     def _given(self, mesh: Mesh, xy: FloatArray) -> Targets:
         """Targets from the caller's ratios or metric."""
