@@ -7,11 +7,11 @@ import numba
 import numpy as np
 import pytest
 
-from qsmooth import examples, limits, smooth, untangle
+from qsmooth import examples, limits, quality, smooth, untangle
 from qsmooth.engine import threads_for
 from qsmooth.kernels._jit import use_threads
 from qsmooth.kernels.blocks import build_blocks
-from qsmooth.kernels.cell_energy import cell_energy, worst_around, worst_shape
+from qsmooth.kernels.cell_energy import cell_energy, worst_around
 from qsmooth.kernels.held_figures import held_figures
 from qsmooth.kernels.mapped_sweep import Maps, mapped_sweep
 from qsmooth.kernels.newton_sweep import Wall, newton_sweep
@@ -19,6 +19,7 @@ from qsmooth.kernels.stacks import match_heights
 from qsmooth.kernels.stars import NO_VERTEX
 from qsmooth.kernels.untangle_sweep import untangle_sweep
 from qsmooth.optimizer.lanes import Lanes
+from qsmooth.optimizer.look import Look
 from qsmooth.targets import ideal, learned
 
 pytestmark = pytest.mark.benchmark(group="optimizer")
@@ -285,13 +286,12 @@ def _cell_kernels(mesh):
     cells, plain = mesh.topology.cells, ideal(mesh.topology)
     out, more, six = np.empty(mesh.n_cells), np.empty(mesh.n_cells), np.empty((mesh.n_cells, 6))
     movable, sizes, no_maps = ~mesh.is_fixed, np.zeros((mesh.n_cells, 2)), np.empty((0, 3))
-    worst_shape(mesh.xy, *cells, plain.corners, no_maps, out)
-    values = out.copy()
+    values = 1.0 / quality(mesh).shape
     return {
         "cell_energy": lambda: cell_energy(
             mesh.xy, *cells, movable, plain.corners, sizes, no_maps, out, more
         ),
-        "worst_shape": lambda: worst_shape(mesh.xy, *cells, plain.corners, no_maps, out),
+        "round_figures": lambda: Look(mesh.topology, mesh.xy, movable, plain, sizes, no_maps),
         "worst_around": lambda: worst_around(values, RINGS, *cells, mesh.n_vertices),
         "held_figures": lambda: held_figures(mesh.xy, *cells, movable, six),
         "learned": lambda: learned(mesh.topology, mesh.xy),
@@ -300,7 +300,7 @@ def _cell_kernels(mesh):
 
 @pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize(
-    "name", ["cell_energy", "worst_shape", "worst_around", "held_figures", "learned"]
+    "name", ["cell_energy", "round_figures", "worst_around", "held_figures", "learned"]
 )
 def test_cells(benchmark, mesh, note, name, threads):
     run = _cell_kernels(mesh)[name]

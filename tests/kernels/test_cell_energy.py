@@ -60,28 +60,6 @@ def test_cell_energy_agrees_with_the_reference(kind):
 
 
 @pytest.mark.nojit
-@pytest.mark.parametrize("kind", ["quads", "triangles", "mixed"])
-def test_worst_shape_is_that_of_the_worst_corner_towards_its_target(kind):
-    mesh = random_mesh(kind, 3, seed=11, amount=0.8).mesh
-    places, found = mesh.xy.tolist(), np.full(mesh.n_cells, np.nan)
-    for asked in (None, asked_of(mesh), asked_of(mesh, maps=True)):
-        targets, _, maps = targets_of(mesh, asked)
-        cell_kernels.worst_shape(mesh.xy, *mesh.topology.cells, targets, maps, found)
-        for c, cell in enumerate(reference.as_lists(mesh)):
-            own = slow.asked_of(cell, asked)
-            energies = [
-                slow.shape_energy(
-                    *map(own.mapped, slow.edges_at(places, cell, i)), own.targets[cell[i]]
-                )
-                for i in range(len(cell))
-            ]
-            assert found[c] == pytest.approx(max(energies), rel=1e-12)
-    targets, _, maps = targets_of(mesh)
-    cell_kernels.worst_shape(mesh.xy, *mesh.topology.cells, targets, maps, found)
-    assert 1.0 / found == pytest.approx(quality(mesh).shape, rel=1e-12)
-
-
-@pytest.mark.nojit
 def test_badness_is_one_over_the_scaled_jacobian():
     mesh = random_mesh("mixed", 4, seed=12, amount=0.8).mesh
     worst, _ = cell_energy(mesh, np.arange(mesh.n_vertices))

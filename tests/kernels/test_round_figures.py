@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+import reference
+import reference_optimizer as slow
 from meshes import KINDS, random_mesh
 from qsmooth.kernels._jit import use_threads
 from qsmooth.metrics import Quality
@@ -23,7 +25,7 @@ def look_at(mesh, targets, movable):
 @pytest.mark.parametrize("aim", ["ideal", "initial"])
 @pytest.mark.parametrize("threads", [1, 2])
 def test_one_pass_gives_the_bits_of_many(kind, amount, aim, threads):
-    from qsmooth.kernels.cell_energy import cell_energy, worst_shape
+    from qsmooth.kernels.cell_energy import cell_energy
 
     mesh = random_mesh(kind, 6, seed=3, amount=amount).mesh
     topology, n = mesh.topology, mesh.n_cells
@@ -31,18 +33,42 @@ def test_one_pass_gives_the_bits_of_many(kind, amount, aim, threads):
     movable = np.random.default_rng(5).random(mesh.n_vertices) < 0.7
     with use_threads(threads):
         look, sizes, maps = look_at(mesh, targets, movable)
-    badness, energy, worst = np.empty(n), np.empty(n), np.empty(n)
+    badness, energy = np.empty(n), np.empty(n)
     cell_energy(mesh.xy, *topology.cells, movable, targets.corners, sizes, maps, badness, energy)
-    worst_shape(mesh.xy, *topology.cells, targets.corners, maps, worst)
     np.testing.assert_array_equal(look.badness, badness)
     np.testing.assert_array_equal(look.energy, energy)
-    np.testing.assert_array_equal(look.worst_shape, worst)
     plain = Quality(topology, mesh.xy)
     for name in ("shape", "area", "validity"):
         np.testing.assert_array_equal(getattr(look.quality, name), getattr(plain, name))
     for found, expected in zip(look.quality.diamonds, plain.diamonds, strict=True):
         np.testing.assert_array_equal(found, expected)
     assert look.quality.extreme_angles == plain.extreme_angles
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("kind", ["quads", "triangles", "mixed"])
+def test_worst_shape_is_that_of_the_worst_corner_towards_its_target(kind):
+    mesh = random_mesh(kind, 3, seed=11, amount=0.8).mesh
+    cells, places = reference.as_lists(mesh), mesh.xy.tolist()
+    for maps in (False, True):
+        asked = slow.random_asked(cells, np.random.default_rng(0), maps=maps)
+        owns = [slow.asked_of(cell, asked) for cell in cells]
+        corners = [own.targets[v] for cell, own in zip(cells, owns, strict=True) for v in cell]
+        asked_maps = [own.map[[0, 0, 1], [0, 1, 1]] for own in owns]
+        targets = ideal(mesh.topology)._replace(
+            corners=np.array(corners), maps=np.array(asked_maps) if maps else None
+        )
+        look, _, _ = look_at(mesh, targets, np.ones(mesh.n_vertices, np.bool_))
+        for c, (cell, own) in enumerate(zip(cells, owns, strict=True)):
+            energies = [
+                slow.shape_energy(
+                    *map(own.mapped, slow.edges_at(places, cell, i)), own.targets[cell[i]]
+                )
+                for i in range(len(cell))
+            ]
+            assert look.worst_shape[c] == pytest.approx(max(energies), rel=1e-12)
+    look, _, _ = look_at(mesh, ideal(mesh.topology), np.ones(mesh.n_vertices, np.bool_))
+    assert 1.0 / look.worst_shape == pytest.approx(look.quality.shape, rel=1e-12)
 
 
 @pytest.mark.parametrize("kind", KINDS)

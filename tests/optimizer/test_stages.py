@@ -51,7 +51,7 @@ class Run:
         self.lanes.aim_at(ideal(topology))
         self.progress, self.xy = Progress(Optimize(), quality(mesh).summary()), mesh.xy.copy()
         self.best = Best(self.lanes, self.xy, self.progress, mean_loss=mean_loss, enough=None)
-        improve_mean(self.lanes, self.xy, stars, self.best, self.progress, worst=True)
+        improve_mean(self.lanes, self.xy, self.best, self.progress, worst=True)
 
     def mend(self):
         mend_worst(self.lanes, self.xy, self.best, self.progress)

@@ -28,6 +28,26 @@ def mapped_shape(
     )[0]
 
 
+@helper()
+def badness_and_size(
+    det: float,
+    ux: float,
+    uy: float,
+    wx: float,
+    wy: float,
+    best_sine: float,
+    inv_area: float,
+    size_weight: float,
+) -> tuple[float, float]:
+    """Badness g of a corner with a positive determinant, and its size term."""
+    lengths = math.sqrt((ux * ux + uy * uy) * (wx * wx + wy * wy))
+    size = 0.0
+    if size_weight > 0.0:
+        tau = det * inv_area
+        size = 0.5 * size_weight * (tau - 1.0 / tau) ** 2
+    return best_sine * lengths / det, size
+
+
 @parallel_kernel()
 def cell_energy(
     xy: FloatArray,
@@ -72,53 +92,15 @@ def cell_energy(
                 if maps.shape[0] > 0:
                     n = mapped_shape(target, maps[c, 0], maps[c, 1], maps[c, 2], ux, uy, wx, wy)
                 if det > 0.0:
-                    lengths = math.sqrt((ux * ux + uy * uy) * (wx * wx + wy * wy))
-                    worst = max(worst, best_sine * lengths / det)
+                    g, size = badness_and_size(det, ux, uy, wx, wy, best_sine, inv_area, weight)
+                    worst = max(worst, g)
                     total += n / det
-                    if weight > 0.0:
-                        tau = det * inv_area
-                        total += 0.5 * weight * (tau - 1.0 / tau) ** 2
+                    total += size
                 else:
                     worst, total = np.inf, np.inf
             d = a
         badness[c] = worst
         energy[c] = total / (last - first)
-
-
-@parallel_kernel()
-def worst_shape(
-    xy: FloatArray,
-    cell_offsets: IndexArray,
-    cell_vertices: IndexArray,
-    targets: FloatArray,
-    maps: FloatArray,
-    out: FloatArray,
-) -> None:
-    """Measure the largest shape energy of each cell's corners, towards their targets.
-
-    Parameters
-    ----------
-    targets, maps
-        As in `cell_energy`.
-    out : (n_cells,)
-        Overwritten; 1 at best, infinite where a corner is not positive.
-    """
-    for c in prange(out.size):
-        first, last = cell_offsets[c], cell_offsets[c + 1]
-        worst = 1.0
-        d = cell_vertices[last - 1]
-        for k in range(first, last):
-            a = cell_vertices[k]
-            b = cell_vertices[k + 1] if k + 1 < last else cell_vertices[first]
-            target = Target(targets[k, 0], targets[k, 1], targets[k, 2])
-            ux, uy = xy[b, 0] - xy[a, 0], xy[b, 1] - xy[a, 1]
-            wx, wy = xy[d, 0] - xy[a, 0], xy[d, 1] - xy[a, 1]
-            n, det = corner_shape(target, ux, uy, wx, wy)
-            if maps.shape[0] > 0:
-                n = mapped_shape(target, maps[c, 0], maps[c, 1], maps[c, 2], ux, uy, wx, wy)
-            worst = max(worst, n / det if det > 0.0 else np.inf)
-            d = a
-        out[c] = worst
 
 
 @kernel()

@@ -134,8 +134,8 @@ def _move_block(
     held: FloatArray,
     shapes: RowArrays,
     sizes: RowArrays,
-    slims: WallArrays,
-    badness: WallArrays,
+    shape_walls: WallArrays,
+    corner_walls: WallArrays,
     maps: RowArrays,
     star_xy: FloatArray,
     mapped: FloatArray,
@@ -157,15 +157,15 @@ def _move_block(
             own[i] = 0.0
         if k < quads:
             map_places(star_xy, s, at, 3, n, maps, k_row, mapped)
-            add_walled_quad(mapped, own, at, n, shapes, k_row, slims, k_row, shape_terms)
-            add_walled_quad(star_xy, s, at, n, none, at_none, badness, k_row, terms)
+            add_walled_quad(mapped, own, at, n, shapes, k_row, shape_walls, k_row, shape_terms)
+            add_walled_quad(star_xy, s, at, n, none, at_none, corner_walls, k_row, terms)
             for j in range(N_SEEN):
                 a, c = at + SEEN[j][0], at + SEEN[j][1]
                 add_size(star_xy, s, a, c, n, sizes, k_row, weight)
         else:
             map_places(star_xy, s, at, 2, n, maps, k_row, mapped)
-            add_walled_triangle(mapped, own, at, n, shapes, k_row, slims, k_row, shape_terms)
-            add_walled_triangle(star_xy, s, at, n, none, at_none, badness, k_row, terms)
+            add_walled_triangle(mapped, own, at, n, shapes, k_row, shape_walls, k_row, shape_terms)
+            add_walled_triangle(star_xy, s, at, n, none, at_none, corner_walls, k_row, terms)
             add_size(star_xy, s, at, at + ROW2, n, sizes, k_row, weight)
         take_back(own, n, maps, k_row, s)
     left = newton_step(s, n)
@@ -179,8 +179,10 @@ def _move_block(
             at, k_row = min(k, quads) * ROW2 + k * ROW4, row + k * n
             map_trial(s, everyone, maps, k_row, own)
             if k < quads:
-                try_walled_quad(mapped, own, at, everyone, shapes, k_row, slims, k_row, shape_terms)
-                try_walled_quad(star_xy, s, at, everyone, none, at_none, badness, k_row, terms)
+                try_walled_quad(
+                    mapped, own, at, everyone, shapes, k_row, shape_walls, k_row, shape_terms
+                )
+                try_walled_quad(star_xy, s, at, everyone, none, at_none, corner_walls, k_row, terms)
                 for j in range(N_SEEN):
                     a, c = at + SEEN[j][0], at + SEEN[j][1]
                     try_size(star_xy, s, a, c, everyone, sizes, k_row, weight)
@@ -188,9 +190,11 @@ def _move_block(
                     hold_quad(star_xy, s, at, everyone)
             else:
                 try_walled_triangle(
-                    mapped, own, at, everyone, shapes, k_row, slims, k_row, shape_terms
+                    mapped, own, at, everyone, shapes, k_row, shape_walls, k_row, shape_terms
                 )
-                try_walled_triangle(star_xy, s, at, everyone, none, at_none, badness, k_row, terms)
+                try_walled_triangle(
+                    star_xy, s, at, everyone, none, at_none, corner_walls, k_row, terms
+                )
                 try_size(star_xy, s, at, at + ROW2, everyone, sizes, k_row, weight)
                 if held.shape[1] > 3:
                     hold_triangle(star_xy, s, at, everyone)
@@ -223,9 +227,9 @@ def mapped_sweep(
     """
     terms = Terms(wall.mean_weight, 1.0 / wall.threshold, wall.squarings, 2.0**wall.squarings)
     colour_blocks, table, vertices, stars, _, largest = blocks
-    shapes, slims = (rows.m11, rows.m12, rows.m22), (rows.slim, rows.near)
+    shapes, shape_walls = (rows.m11, rows.m12, rows.m22), (rows.slim, rows.near)
     sizes, own_maps = (rows.area, rows.inv_area, rows.size_weight), (maps.l11, maps.l12, maps.l22)
-    badness = np.zeros(rows.slim.size), rows.near
+    corner_walls = np.zeros(rows.slim.size), rows.near
     for colour in range(colours[0], colours[1]):
         for b in prange(colour_blocks[colour], colour_blocks[colour + 1]):
             star_xy, mapped = np.empty(6 * largest * LANES), np.empty(6 * largest * LANES)
@@ -239,8 +243,8 @@ def mapped_sweep(
                 held,
                 shapes,
                 sizes,
-                slims,
-                badness,
+                shape_walls,
+                corner_walls,
                 own_maps,
                 star_xy,
                 mapped,

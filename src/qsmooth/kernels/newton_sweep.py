@@ -126,7 +126,7 @@ def _move_block(
     asked: int,
     shapes: RowArrays,
     sizes: RowArrays,
-    slims: WallArrays,
+    walls: WallArrays,
     star_xy: FloatArray,
     s: FloatArray,
     ideal: FloatArray,
@@ -135,7 +135,7 @@ def _move_block(
     gather_block(xy, vertices, stars, block, star_xy, s, lengths)
     n, quads, triangles, row = block.size, block.n_quads, block.n_triangles, block.rows
     gather_held(vertices, block.first, n, held, s)
-    walls, sized = terms.scale > 0.0 or asked & WALLS != 0, asked & SIZES != 0
+    walled, sized = terms.scale > 0.0 or asked & WALLS != 0, asked & SIZES != 0
     more = held.shape[1] > 3
     # Ideal shapes are read from rows that stay in the cache, with no loop of their own.
     quad_shapes, triangle_shapes, first_shape, next_shape = shapes, shapes, row, n
@@ -146,8 +146,8 @@ def _move_block(
         first_shape, next_shape = row - row, n - n
     for k in range(quads):
         at, own, k_row = k * ROW6, first_shape + k * next_shape, row + k * n
-        if walls:
-            add_walled_quad(star_xy, s, at, n, quad_shapes, own, slims, k_row, terms)
+        if walled:
+            add_walled_quad(star_xy, s, at, n, quad_shapes, own, walls, k_row, terms)
         else:
             add_quad(star_xy, s, at, n, quad_shapes, own, terms)
         if sized:
@@ -156,8 +156,8 @@ def _move_block(
                 add_size(star_xy, s, a, c, n, sizes, k_row, terms.mean_weight)
     for k in range(quads, quads + triangles):
         at, own, k_row = quads * ROW2 + k * ROW4, first_shape + k * next_shape, row + k * n
-        if walls:
-            add_walled_triangle(star_xy, s, at, n, triangle_shapes, own, slims, k_row, terms)
+        if walled:
+            add_walled_triangle(star_xy, s, at, n, triangle_shapes, own, walls, k_row, terms)
         else:
             add_triangle(star_xy, s, at, n, triangle_shapes, own, terms)
         if sized:
@@ -180,8 +180,8 @@ def _move_block(
             start_trial(s, lanes, fraction)
             for k in range(quads):
                 at, own, k_row = k * ROW6, first_shape + k * next_shape, row + k * n
-                if walls:
-                    try_walled_quad(star_xy, s, at, lanes, quad_shapes, own, slims, k_row, terms)
+                if walled:
+                    try_walled_quad(star_xy, s, at, lanes, quad_shapes, own, walls, k_row, terms)
                 else:
                     try_quad(star_xy, s, at, lanes, quad_shapes, own, terms)
                 if sized:
@@ -192,9 +192,9 @@ def _move_block(
                     hold_quad(star_xy, s, at, lanes)
             for k in range(quads, quads + triangles):
                 at, own, k_row = quads * ROW2 + k * ROW4, first_shape + k * next_shape, row + k * n
-                if walls:
+                if walled:
                     try_walled_triangle(
-                        star_xy, s, at, lanes, triangle_shapes, own, slims, k_row, terms
+                        star_xy, s, at, lanes, triangle_shapes, own, walls, k_row, terms
                     )
                 else:
                     try_triangle(star_xy, s, at, lanes, triangle_shapes, own, terms)
@@ -245,7 +245,7 @@ def newton_sweep(
     terms = Terms(wall.mean_weight, 1.0 / wall.threshold, wall.squarings, 2.0**wall.squarings)
     colour_blocks, table, vertices, stars, _, largest = blocks
     asks, shapes = rows.asks, (rows.m11, rows.m12, rows.m22)
-    sizes, slims = (rows.area, rows.inv_area, rows.size_weight), (rows.slim, rows.near)
+    sizes, walls = (rows.area, rows.inv_area, rows.size_weight), (rows.slim, rows.near)
     for colour in range(colours[0], colours[1]):
         for b in prange(colour_blocks[colour], colour_blocks[colour + 1]):
             scratch, star_xy = np.empty(N_ROWS * LANES), np.empty(6 * largest * LANES)
@@ -260,7 +260,7 @@ def newton_sweep(
                 asks[b],
                 shapes,
                 sizes,
-                slims,
+                walls,
                 star_xy,
                 scratch,
                 np.empty(3 * LANES),

@@ -97,10 +97,8 @@ class Best:
     ----------
     xy, figures
         The best coordinates, (n, 2), and their figures.
-    given
-        Figures of the coordinates to begin with.
-    updates
-        How often the worst corner got better.
+    given, last
+        Figures of the coordinates to begin with, and of those that were offered last.
     """
 
     def __init__(
@@ -117,7 +115,6 @@ class Best:
         self._mean_loss, self._enough, self._keep_mean = mean_loss, enough, keep_mean
         # A metric asks for angles of its own: towards it only the energy tells what is better.
         self._by_energy = lanes.targets.kind == "metric"
-        self.updates = 0
         self._given_xy, self.xy = xy.copy(), xy.copy()
         self.given = self.figures = self.last = self.measure(xy)
         self._most_resized = math.inf
@@ -130,9 +127,7 @@ class Best:
 
         The better worst corner is, even at a loss of the mean; or, by the mean, the better mean.
         """
-        now = self.measure(xy)
-        self.lanes.report(xy, self.lanes.look(xy).quality, self.progress)
-        self.best_shape = max(self.best_shape, now.shape)
+        now = self._see(xy)
         affordable = self.affords(now)
         # What was the best may have become too dear meanwhile.
         better = now.shape > self.figures.shape if by_mean else self._better(now)
@@ -140,10 +135,8 @@ class Best:
         fewer = now.n_invalid < self.figures.n_invalid
         # Cells that nothing can mend keep no others from getting better.
         no_more = now.n_invalid <= self.figures.n_invalid
-        if fewer or (affordable and no_more and better):
-            self.updates += now.free_jacobian > self.figures.free_jacobian + LEAST_GAIN
-            self.xy[:], self.figures = xy, now
-        elif not affordable and no_more:
+        kept = self._keep(xy, fewer or (affordable and no_more and better))
+        if not kept and not affordable and no_more:
             self._too_dear = max(self._too_dear, now.free_jacobian)
         return now
 
@@ -162,15 +155,9 @@ class Best:
         bool
             Whether they are kept.
         """
-        self.last = self.measure(xy)
-        self.lanes.report(xy, self.lanes.look(xy).quality, self.progress)
-        self.best_shape = max(self.best_shape, self.last.shape)
-        enough = self.last.shape >= floor and self.last.low_angle >= low
-        enough &= self.affords(self.last)
-        if not enough or self.last.overall < self.figures.overall:
-            return False
-        self.xy[:], self.figures = xy, self.last
-        return True
+        now = self._see(xy)
+        enough = now.shape >= floor and now.low_angle >= low and self.affords(now)
+        return self._keep(xy, enough and now.overall >= self.figures.overall)
 
     def offer_relaxed(self, xy: FloatArray, low: float, worst: float) -> bool:
         """Keep coordinates with a better mean shape, low angles and a worst shape like these.
@@ -180,14 +167,22 @@ class Best:
         bool
             Whether they are kept.
         """
-        self.last = now = self.measure(xy)
+        now = self._see(xy)
+        enough = now.low_angle >= low and now.least_shape >= worst and self.affords(now)
+        return self._keep(xy, enough and now.shape > self.figures.shape)
+
+    def _see(self, xy: FloatArray) -> Figures:
+        """Measure coordinates that are offered, and note the round."""
+        self.last = self.measure(xy)
         self.lanes.report(xy, self.lanes.look(xy).quality, self.progress)
-        self.best_shape = max(self.best_shape, now.shape)
-        enough = now.low_angle >= low and now.least_shape >= worst
-        if now.shape <= self.figures.shape or not enough or not self.affords(now):
-            return False
-        self.xy[:], self.figures = xy, now
-        return True
+        self.best_shape = max(self.best_shape, self.last.shape)
+        return self.last
+
+    def _keep(self, xy: FloatArray, better: bool) -> bool:
+        """Take the coordinates offered last for the best if they are better; give that back."""
+        if better:
+            self.xy[:], self.figures = xy, self.last
+        return better
 
     def mark(self) -> tuple[FloatArray, Figures]:
         """Keep the best so far, to come back to it."""

@@ -87,10 +87,9 @@ class Lanes:
 
     def newton(self, xy: FloatArray, wall: Wall, progress: Progress) -> None:
         """Sweep a round downhill on the mean shape and the wall."""
+        sweep = self._sweep(xy, wall, self.caps.swept, self._moves.lengths)
         for _ in range(progress.next_round()):
-            self._engine.run(
-                self._sweep(xy, wall, self.caps.swept, self._moves.lengths), self.n_colours
-            )
+            self._engine.run(sweep, self.n_colours)
             progress.sweeps += 1
 
     def _sweep(

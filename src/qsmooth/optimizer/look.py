@@ -21,7 +21,7 @@ class Look:
     Attributes
     ----------
     badness, energy, worst_shape : (n_cells,)
-        As `kernels.cell_energy` has them.
+        As `kernels.round_figures` has them.
     quality
         Metrics of the cells; those that a round is judged by are known.
     """

@@ -340,7 +340,7 @@ class Optimize(_Staged):
             enough=self.stop_quality,
             keep_mean=keep_mean,
         )
-        improve_mean(lanes, xy, lanes.stars, best, progress, worst=self.worst)
+        improve_mean(lanes, xy, best, progress, worst=self.worst)
         return best, xy
 
     def _targets(self, lanes: Lanes, mesh: Mesh, xy: FloatArray) -> tuple[list[Targets], bool]:

@@ -9,12 +9,10 @@ from typing import Any
 import numpy as np
 
 from qsmooth._words import did_you_mean
-from qsmooth.optimizer.caps import HOLDABLE
+from qsmooth.optimizer.caps import ALWAYS, HELD, HOLDABLE
 from qsmooth.options import OptionError, one_of
 
 TARGETS = ("auto", "ideal", "initial")
-# Held whatever `hold` says, but towards a metric.
-ALWAYS_HELD = ("min_angle", "max_angle", "scaled_jacobian")
 
 
 def parse_hold(given: str | Iterable[str]) -> tuple[str, ...]:
@@ -36,7 +34,7 @@ def parse_hold(given: str | Iterable[str]) -> tuple[str, ...]:
             continue
         if known not in HOLDABLE:
             hint = did_you_mean(known, HOLDABLE) if isinstance(known, str) else ""
-            if known in ALWAYS_HELD:
+            if known in HELD[:ALWAYS]:
                 hint = ", which is held anyway, but where a metric is the target"
             raise OptionError(f"`hold` takes {one_of(HOLDABLE)}, got {name!r}{hint}")
         found.append(known)

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from qsmooth._types import FloatArray
-from qsmooth.kernels.stars import Stars
 from qsmooth.optimizer.best import LEAST_GAIN, Best
 from qsmooth.optimizer.caps import HOLDABLE
 from qsmooth.optimizer.lanes import Lanes
@@ -48,7 +47,7 @@ KEPT, RELAX_PATIENCE, RELAX_LESS = 0.97, 2, 0.2
 
 
 def improve_mean(
-    lanes: Lanes, xy: FloatArray, stars: Stars, best: Best, progress: Progress, *, worst: bool
+    lanes: Lanes, xy: FloatArray, best: Best, progress: Progress, *, worst: bool
 ) -> None:
     """Sweep downhill on the mean shape until it has settled, in place.
 
@@ -57,8 +56,8 @@ def improve_mean(
 
     Parameters
     ----------
-    lanes, xy, stars
-        The sweeps, the coordinates, (n, 2), and the movable vertices.
+    lanes, xy
+        The sweeps, and the coordinates, (n, 2).
     best, progress
         Each round is offered to the one and counted by the other.
     worst
@@ -88,7 +87,7 @@ def improve_mean(
             continue
         creeping = energy < before * (1.0 - CREEPING) or energy >= start * (1.0 - CREEPING)
         if creeping or lanes.kept_back(xy) > KEPT_BACK:
-            _global_steps(lanes, xy, stars, best, progress, by_mean=not worst)
+            _global_steps(lanes, xy, best, progress, by_mean=not worst)
             before, energy = energy, _total(lanes.energy(xy)[1])
             if energy < before * (1.0 - CREEPING):
                 start, since = energy, 0
@@ -113,7 +112,7 @@ def mend_worst(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> 
     strict, walls = best.mark(), WALLS[-LAST_WALLS:]
     xy[:] = best.xy
     if best.forbidden is not None:
-        # The walls on shapes cost the mean more than it affords: once more without them.
+        # The walls on shapes cost the mean more than it affords: all once more, with these far off.
         walls, xy[:] = WALLS, first
         best.start_again(start)
     lanes.wall_off(xy, looser=LOOSER)
@@ -193,13 +192,13 @@ def _relax(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress, low: fl
 
 
 def _global_steps(
-    lanes: Lanes, xy: FloatArray, stars: Stars, best: Best, progress: Progress, *, by_mean: bool
-) -> int:
-    """Take Newton steps on all vertices at once while each pays; return their count."""
+    lanes: Lanes, xy: FloatArray, best: Best, progress: Progress, *, by_mean: bool
+) -> None:
+    """Take Newton steps on all vertices at once while each pays."""
     from qsmooth.optimizer.global_newton import GlobalNewton
 
     solver = GlobalNewton(
-        lanes.topology, stars, lanes.targets.corners, lanes.sizes, lanes.maps, lanes.caps
+        lanes.topology, lanes.stars, lanes.targets.corners, lanes.sizes, lanes.maps, lanes.caps
     )
     trial, shape, count, patience = xy.copy(), best.best_shape - LEAST_GAIN, 0, STEP_PATIENCE
     while count < GLOBAL_STEPS and patience and not progress.spent():
@@ -216,7 +215,6 @@ def _global_steps(
         if gain < GLOBAL_GAIN:
             break
     progress.steps += count
-    return count
 
 
 def _total(energy: FloatArray) -> float:

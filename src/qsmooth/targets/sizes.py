@@ -58,17 +58,20 @@ def without_sizes(targets: Targets) -> Targets:
 
 def log_areas(topology: Topology, xy: FloatArray) -> FloatArray:
     """Log of what a cell's corners have for determinants, in the mean: (n_cells,)."""
-    area = np.zeros(topology.n_cells)
-    for size, cells, places in blocks(topology):
-        p = xy[topology.cell_vertices[places]]
-        u, w = (p[:, 2] - p[:, 0], p[:, 3] - p[:, 1]) if size == 4 else (
-            p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
-        )  # fmt: skip
-        det = u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0]
-        area[cells] = 0.5 * det if size == 4 else det
+    area = mean_determinants(topology, xy)
     good = area > 0.0
     mean = float(area[good].mean()) if good.any() else 1.0
     return np.log(np.where(good, area, mean))
+
+
+def mean_determinants(topology: Topology, xy: FloatArray) -> FloatArray:
+    """Mean of det(u, w) over each cell's corners, (n_cells,): twice the area of a triangle."""
+    area = np.empty(topology.n_cells)
+    for size, cells, places in blocks(topology):
+        p = xy[topology.cell_vertices[places]]
+        d, e = p[:, 2] - p[:, 0], p[:, -1] - p[:, 1]
+        area[cells] = (0.5 if size == 4 else 1.0) * (d[:, 0] * e[:, 1] - d[:, 1] * e[:, 0])
+    return area
 
 
 def grading(topology: Topology, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -77,12 +80,7 @@ def grading(topology: Topology, xy: FloatArray) -> tuple[FloatArray, FloatArray]
     The areas are those of a corner: twice a triangle's. Only triangles count: beside the end of a
     layer they may be a thousand times as small as its quads, and not by chance.
     """
-    n = topology.n_cells
-    area = np.empty(n)
-    for _, cells, places in blocks(topology):
-        p = xy[topology.cell_vertices[places]]
-        d, e = p[:, 2] - p[:, 0], p[:, -1] - p[:, 1]
-        area[cells] = np.abs(d[:, 0] * e[:, 1] - d[:, 1] * e[:, 0])
+    area = np.abs(mean_determinants(topology, xy))
     logs = np.log(np.maximum(area, 1e-60 * (float(area.max()) or 1.0)))
     counts = topology.cell_sizes == 3
     cleaned, smooth, noise = without_area_noise(topology, logs, counts)
