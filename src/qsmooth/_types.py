@@ -11,4 +11,6 @@ IndexArray: TypeAlias = npt.NDArray[np.int64]
 TableArray: TypeAlias = npt.NDArray[np.uint32]
 # The table of blocks; unsigned, as what is computed from it are offsets of lanes.
 BlockArray: TypeAlias = npt.NDArray[np.uint64]
+# Colours of vertices.
+ColourArray: TypeAlias = npt.NDArray[np.int8]
 BoolArray: TypeAlias = npt.NDArray[np.bool_]

@@ -11,6 +11,7 @@ from qsmooth._types import BoolArray, FloatArray, IndexArray
 from qsmooth.checks import counted, read_only
 from qsmooth.errors import MeshError
 from qsmooth.kernels.stars import Stars
+from qsmooth.schedule import make_schedule
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -142,6 +143,16 @@ class Topology:
             self.cell_vertices = read_only(kernels.oriented_cells(self.cell_offsets, given, turned))
 
     @cached_property
+    def vertex_ids(self) -> IndexArray:
+        """The caller's number of each vertex, (n_vertices,)."""
+        return read_only(np.arange(self.n_vertices))
+
+    @cached_property
+    def cell_ids(self) -> IndexArray:
+        """The caller's number of each cell, (n_cells,)."""
+        return read_only(np.arange(self.n_cells))
+
+    @cached_property
     def any_turned(self) -> bool:
         """Whether a cell runs the other way than the caller's."""
         return bool(self.turned.any())
@@ -233,22 +244,8 @@ class Topology:
         return self._schedules[keep_interfaces]
 
     def _make_schedule(self, movable: BoolArray) -> Stars:
-        from qsmooth.kernels import colouring
-
         stars = self.star_offsets, self.star_cells
-        colour, n_colours = colouring.colours(movable, *self.cells, *stars)
-        colour_offsets, vertices = colouring.order_by_colour(colour, n_colours)
-        offsets, corners, cells = colouring.star_table(
-            vertices, *self.cells, *stars, self.star_corners
-        )
-        return Stars(
-            colour_offsets=read_only(colour_offsets),
-            vertices=read_only(vertices),
-            offsets=read_only(offsets),
-            corners=read_only(corners),
-            cells=read_only(cells),
-            largest=int(np.diff(offsets).max(initial=0)),
-        )
+        return make_schedule(movable, self.vertex_ids, self.cells, stars, self.star_corners)
 
     def _cell_of(self, corner: int) -> int:
         return int(np.searchsorted(self.cell_offsets, corner, side="right")) - 1
