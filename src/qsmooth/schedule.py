@@ -46,7 +46,9 @@ def make_schedule(
 
     colour, n_colours = colours(movable, ids, cells, stars)
     colour_offsets, vertices = colouring.order_by_colour(colour, n_colours)
-    offsets, corners, of_rows = colouring.star_table(vertices, *cells, *stars, star_corners)
+    offsets, corners, of_rows = colouring.star_table(
+        colour, colour_offsets, *cells, *stars, star_corners
+    )
     return Stars(
         colour_offsets=read_only(colour_offsets),
         vertices=read_only(vertices),

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 # Tables hold vertex ids in 32 bits, and keep one for "none".
 LARGEST_COUNT = 2**32 - 2
+# The curve tells places apart that are this share of the mesh's extent from each other.
+CURVE_STEPS = float(2**32 - 1)
 
 
 class Topology:
@@ -32,9 +34,9 @@ class Topology:
     cell_offsets, cell_vertices : (n_cells + 1,), (n_corners,)
         CSR map from a cell to its corners; all cells of a part run alike.
     star_offsets, star_cells : (n_vertices + 1,), (n_corners,)
-        CSR map from a vertex to its cells, ascending.
-    given_vertices, given_twins : (n_corners,)
-        Corners as the caller listed them, and the other cell's side of each edge there, or -1.
+        CSR map from a vertex to its cells, in the order of the caller's ids.
+    given_vertices : (n_corners,)
+        Corners as the caller listed them.
     turned : (n_cells,)
         Cells that run the other way than the caller's.
     n_parts
@@ -45,6 +47,8 @@ class Topology:
         Region of each cell.
     lines : (k, 2)
         Line cells of the file.
+    is_renumbered
+        Whether vertices and cells have other numbers than the caller's (`renumbered`).
     """
 
     def __init__(
@@ -101,7 +105,7 @@ class Topology:
                 f"{counted(count, 'cell side is', 'cell sides are')} the third or later on "
                 f"one edge (not a 2D mesh), the first is edge {vertices[bad]}-{head} of cell {cell}"
             )
-        self.given_twins = read_only(twins)
+        self._given_twins: IndexArray | None = read_only(twins)
         self.used = read_only(np.diff(star_offsets) > 0)
         self.is_boundary = read_only(
             kernels.mark_edge_ends(n_vertices, self.cell_offsets, vertices, twins < 0)
@@ -111,6 +115,8 @@ class Topology:
             is_fixed |= fixed
         self.is_fixed = read_only(is_fixed)
         self._schedules: dict[bool, Stars] = {}
+        self.is_renumbered = False
+        self._along_curve: Topology | None = None
         self.keep_orientation()
 
     def keep_orientation(self) -> None:
@@ -152,6 +158,14 @@ class Topology:
         """The caller's number of each cell, (n_cells,)."""
         return read_only(np.arange(self.n_cells))
 
+    def first_vertex(self, marked: BoolArray) -> int:
+        """Which of the marked vertices, (n_vertices,), comes first for the caller; 0 of none."""
+        return _first(marked, self.vertex_ids)
+
+    def first_cell(self, marked: BoolArray) -> int:
+        """Which of the marked cells, (n_cells,), comes first for the caller; 0 of none."""
+        return _first(marked, self.cell_ids)
+
     @cached_property
     def any_turned(self) -> bool:
         """Whether a cell runs the other way than the caller's."""
@@ -161,6 +175,18 @@ class Topology:
     def cells(self) -> tuple[IndexArray, IndexArray]:
         """The pair (cell_offsets, cell_vertices), as kernels take it."""
         return self.cell_offsets, self.cell_vertices
+
+    @property
+    def given_twins(self) -> IndexArray:
+        """The other cell's side of each edge, as the caller listed corners, or -1, (n_corners,)."""
+        from qsmooth.kernels import topology as kernels
+
+        if self._given_twins is None:
+            twins, _, _ = kernels.edge_twins(
+                self.n_vertices, self.cell_offsets, self.given_vertices
+            )
+            self._given_twins = read_only(twins)
+        return self._given_twins
 
     @cached_property
     def twins(self) -> IndexArray:
@@ -190,12 +216,18 @@ class Topology:
 
     @cached_property
     def rings(self) -> tuple[IndexArray, IndexArray]:
-        """CSR map from a vertex to its edge neighbours, ascending: (n + 1,), (2 * n_edges,)."""
+        """CSR map from a vertex to its edge neighbours, in the order of the caller's ids.
+
+        (n + 1,), (2 * n_edges,).
+        """
+        from qsmooth.kernels import numbering
         from qsmooth.kernels import topology as kernels
 
         offsets, vertices = kernels.rings(
             self.n_vertices, self.cell_offsets, self.given_vertices, self.given_twins
         )
+        if self.is_renumbered:
+            numbering.sort_rows(offsets, vertices, vertices.copy(), self.vertex_ids)
         return read_only(offsets), read_only(vertices)
 
     @cached_property
@@ -225,8 +257,66 @@ class Topology:
         topology.__dict__.update(self.__dict__)
         topology.__dict__.pop("is_interface", None)
         topology.lines = read_only(np.array(lines, np.int64).reshape(-1, 2))
-        topology._schedules = {}
+        topology._schedules, topology._along_curve = {}, None
         return topology
+
+    def along_curve(self, xy: FloatArray) -> Topology:
+        """Give the same cells with vertices, and cells, along a curve that fills the plane.
+
+        It is made once: where the vertices have moved meanwhile, they are not far off.
+
+        Parameters
+        ----------
+        xy : (n_vertices, 2)
+            Coordinates, in the order of this topology.
+        """
+        from qsmooth.kernels import numbering
+
+        if self._along_curve is None:
+            low, size = xy.min(axis=0), np.ptp(xy, axis=0)
+            scale = np.where(size > 0.0, CURVE_STEPS / np.where(size > 0.0, size, 1.0), 0.0)
+            self._along_curve = self.renumbered(numbering.curve_order(xy, low, scale))
+        return self._along_curve
+
+    def renumbered(self, vertex_ids: IndexArray) -> Topology:
+        """Give the same cells with vertices in this order, (n_vertices,), and cells in a like one.
+
+        `vertex_ids` and `cell_ids` are the caller's numbers there. Stars and rings keep the order
+        of these, so that sums over them have the same bits. Regions and lines stay behind: what
+        they mark as interface is known.
+        """
+        from qsmooth.kernels import numbering
+        from qsmooth.kernels import topology as kernels
+
+        cell_ids, offsets, vertices = numbering.renumbered_cells(vertex_ids, *self.cells)
+        star_offsets, star_cells, star_corners = kernels.stars(self.n_vertices, offsets, vertices)
+        numbering.sort_rows(star_offsets, star_cells, star_corners, cell_ids)
+        inner = object.__new__(Topology)
+        inner.__dict__.update(
+            n_vertices=self.n_vertices,
+            n_cells=self.n_cells,
+            n_parts=self.n_parts,
+            regions=None,
+            lines=self.lines[:0],
+            vertex_ids=read_only(vertex_ids),
+            cell_ids=read_only(cell_ids),
+            cell_offsets=read_only(offsets),
+            cell_vertices=read_only(vertices),
+            star_offsets=read_only(star_offsets),
+            star_cells=read_only(star_cells),
+            turned=read_only(np.zeros(self.n_cells, np.bool_)),
+            used=read_only(self.used[vertex_ids]),
+            is_boundary=read_only(self.is_boundary[vertex_ids]),
+            is_fixed=read_only(self.is_fixed[vertex_ids]),
+            is_interface=read_only(self.is_interface[vertex_ids]),
+            _given_star_corners=star_corners,
+            is_renumbered=True,
+            _given_twins=None,
+            _schedules={},
+            _along_curve=None,
+        )
+        inner.given_vertices = inner.cell_vertices
+        return inner
 
     def movable(self, keep_interfaces: bool = True) -> BoolArray:
         """Mark the vertices that may move, (n_vertices,)."""
@@ -249,3 +339,8 @@ class Topology:
 
     def _cell_of(self, corner: int) -> int:
         return int(np.searchsorted(self.cell_offsets, corner, side="right")) - 1
+
+
+def _first(marked: BoolArray, ids: IndexArray) -> int:
+    places = np.flatnonzero(marked)
+    return int(places[np.argmin(ids[places])]) if places.size else 0

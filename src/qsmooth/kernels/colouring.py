@@ -30,7 +30,7 @@ def priority(vertex: int) -> Any:
 
 
 @inlined_helper()
-def free_colour(v: int, taken: Any, star_offsets: IndexArray, star_cells: IndexArray) -> int:
+def free_colour(v: int, taken: Any, star_offsets: IndexArray, star_cells: IndexArray) -> Any:
     """Find the smallest colour that none of a vertex's cells has; `MOST_COLOURS` where none is."""
     seen = ONE - ONE
     for s in range(star_offsets[v], star_offsets[v + 1]):
@@ -137,7 +137,7 @@ def choose_anew(
     star_offsets: IndexArray,
     star_cells: IndexArray,
 ) -> int:
-    """Let the listed vertices choose anew, colour by colour: those from `n_colours` on, then others.
+    """Let the listed vertices choose anew, whole colours at a time: first those from `n_colours` on.
 
     Parameters
     ----------
@@ -249,14 +249,17 @@ def order_by_colour(colour: ColourArray, n_colours: int) -> tuple[IndexArray, Ta
 
 @kernel()
 def star_table(
-    vertices: TableArray,
+    colour: ColourArray,
+    colour_offsets: IndexArray,
     cell_offsets: IndexArray,
     cell_vertices: IndexArray,
     star_offsets: IndexArray,
     star_cells: IndexArray,
     star_corners: IndexArray,
 ) -> tuple[IndexArray, TableArray, TableArray]:
-    """Gather, for each listed vertex v, the other corners of the cells around it.
+    """Gather, for each vertex v as `order_by_colour` lists them, the other corners of its cells.
+
+    Goes through the vertices in the order of memory, and fills in the colours side by side.
 
     Returns
     -------
@@ -267,15 +270,21 @@ def star_table(
     cells : (n_rows,)
         The cell of each row.
     """
-    offsets = np.zeros(vertices.size + 1, np.int64)
-    for i in range(vertices.size):
-        v = vertices[i]
-        offsets[i + 1] = offsets[i] + star_offsets[v + 1] - star_offsets[v]
+    offsets, fill = np.zeros(colour_offsets[-1] + 1, np.int64), colour_offsets.copy()
+    for v in range(colour.size):
+        if colour[v] >= 0:
+            fill[colour[v]] += 1
+            offsets[fill[colour[v]]] = star_offsets[v + 1] - star_offsets[v]
+    for i in range(colour_offsets[-1]):
+        offsets[i + 1] += offsets[i]
     corners = np.empty((offsets[-1], 3), np.uint32)
     cells = np.empty(offsets[-1], np.uint32)
-    for i in range(vertices.size):
-        row = offsets[i]
-        v = vertices[i]
+    fill[:] = colour_offsets
+    for v in range(colour.size):
+        if colour[v] < 0:
+            continue
+        row = offsets[fill[colour[v]]]
+        fill[colour[v]] += 1
         for s in range(star_offsets[v], star_offsets[v + 1]):
             c, at = star_cells[s], star_corners[s]
             first, last = cell_offsets[c], cell_offsets[c + 1]

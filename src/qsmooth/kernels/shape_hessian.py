@@ -196,6 +196,7 @@ def assemble(
     xy: FloatArray,
     cell_offsets: IndexArray,
     cell_vertices: IndexArray,
+    cells: IndexArray,
     unknown: IndexArray,
     offsets: IndexArray,
     columns: IndexArray,
@@ -207,10 +208,12 @@ def assemble(
 ) -> None:
     """Sum the corners' derivatives into the gradient and the block matrix of the mesh.
 
-    One thread, in the order of the cells: the sums are the same whatever the machine.
+    One thread, in the order of `cells`: the sums are the same whatever the machine.
 
     Parameters
     ----------
+    cells : (n_cells,)
+        All cells.
     unknown, offsets, columns
         As in `block_pattern`.
     targets, sizes, maps
@@ -225,7 +228,7 @@ def assemble(
     g, h = np.empty(4), np.empty((4, 4))
     weight = np.empty((3, 2))
     ids = np.empty(3, np.int64)
-    for c in range(cell_offsets.size - 1):
+    for c in cells:
         first, last = cell_offsets[c], cell_offsets[c + 1]
         triangle = last - first == 3
         for k in range(first, last):

@@ -16,10 +16,12 @@ from qsmooth.kernels.stars import Moves, Stars
 from qsmooth.mesh import Mesh
 from qsmooth.methods.base import Method
 from qsmooth.metrics import Quality, Summary, Validity, quality
+from qsmooth.numbering import Inside
 from qsmooth.options import OptionError, option
 from qsmooth.outcome import Aim, Cut, Invalid, Outcome, Stage, Stop
 from qsmooth.result import History, SmoothResult, SweepRecord
 from qsmooth.split import Diagonal, split_quads
+from qsmooth.sums import exact_mean
 from qsmooth.topology import Topology
 
 # Quality has stopped improving when, over this many sweeps, neither the smallest nor the largest
@@ -119,27 +121,32 @@ class SweepingMethod(Method):
 
     def run(self, mesh: Mesh, chosen: str = "") -> SmoothResult:
         """Sweep until every vertex rests, quality no longer improves, or no more is allowed."""
-        before = quality(mesh)
+        inside = Inside(mesh)
+        before = inside.quality(mesh)
         summary = before.summary()
         cut = self._cut(mesh)
+        swept = inside if cut is mesh else Inside(cut, inside)
         only, selected = self.selected(mesh)
         if selected is not None and cut is not mesh:
             selected = np.repeat(selected, mesh.topology.cell_sizes - 2)
-        stars = cut.topology.schedule(self.keep_interfaces, only)
-        setting = Setting(cut.topology, stars, self._good(cut, mesh, summary), selected)
-        run = _Run(self, mesh, summary)
+        topology = swept.topology
+        stars = topology.schedule(self.keep_interfaces, inside.chosen_vertices(only))
+        good = self._good(swept.quality(cut) if cut is not mesh else before)
+        setting = Setting(topology, stars, good, swept.chosen_cells(selected))
+        run = _Run(self, inside.topology, inside.at_vertices(mesh.xy), summary)
         if stars.vertices.size:
             engine = threads_for(self.threads, stars.vertices.size)
             with engine.running():
                 for aim, n_sweeps in self.stages():
                     run.stage(replace(setting, aim=aim), engine, n_sweeps)
+        xy = inside.back(run.xy)
         if not self.guards:
-            result = mesh.with_xy(run.xy, moved(mesh, run.xy))
+            result = mesh.with_xy(xy, moved(mesh, xy))
         elif cut is mesh:
-            result = stored(mesh, run.xy)
+            result = stored(mesh, xy)
         else:
-            result = mesh.with_points(stored(cut, run.xy).points)
-        after = quality(result)
+            result = mesh.with_points(stored(cut, xy).points)
+        after = inside.quality(result)
         broken = (before.validity == Validity.VALID) & (after.validity != Validity.VALID)
         return SmoothResult(
             mesh=result,
@@ -172,13 +179,11 @@ class SweepingMethod(Method):
             raise OptionError(reason)
         return mesh
 
-    def _good(self, cut: Mesh, mesh: Mesh, before: Summary) -> float:
+    def _good(self, swept: Quality) -> float:
+        """Scaled Jacobian down to which a cell may get worse; NaN without that guard."""
         if not self.quality_guard:
             return math.nan
-        smallest = before.worst["scaled_jacobian"]
-        if cut is not mesh:
-            smallest = float(quality(cut).scaled_jacobian.min())
-        return max(GOOD_SCALED_JACOBIAN, smallest)
+        return max(GOOD_SCALED_JACOBIAN, float(swept.scaled_jacobian.min()))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -200,9 +205,10 @@ class GuardedMethod(SweepingMethod):
 class _Run:
     """The sweeps of one call: coordinates, history, clock, and why they stopped."""
 
-    def __init__(self, method: SweepingMethod, mesh: Mesh, before: Summary) -> None:
-        self.method, self.topology = method, mesh.topology
-        self.xy = mesh.xy.copy()
+    def __init__(
+        self, method: SweepingMethod, topology: Topology, xy: FloatArray, before: Summary
+    ) -> None:
+        self.method, self.topology, self.xy = method, topology, xy
         self.history: list[SweepRecord] = []
         self.stages: list[Stage] = []
         self.seconds = 0.0
@@ -286,7 +292,7 @@ def record(now: Quality, lengths: FloatArray, shares: FloatArray) -> SweepRecord
         n_moved=int((lengths > 0.0).sum()),
         min_angle=smallest,
         max_angle=largest,
-        mean_shape=float(now.shape.mean()),
+        mean_shape=exact_mean(now.shape),
         n_invalid=now.n_invalid,
     )
 

@@ -104,9 +104,11 @@ class Pace:
         self._method, self._topology, self._aim = method, setting.topology, setting.aim
         n_cells = setting.topology.n_cells
         selected = setting.selected
-        self._ranked = np.arange(n_cells) if selected is None else np.flatnonzero(selected)
-        self._count = math.ceil(method.worst_fraction * len(self._ranked))
-        self._ranks = self._aim is not Aim.ALL_CELLS and self._count < len(self._ranked)
+        ranked = np.arange(n_cells) if selected is None else np.flatnonzero(selected)
+        self._count = math.ceil(method.worst_fraction * len(ranked))
+        self._ranks = self._aim is not Aim.ALL_CELLS and self._count < len(ranked)
+        if self._ranks:  # of equal ones the first for the caller comes first
+            self._ranked = ranked[np.argsort(setting.topology.cell_ids[ranked])]
         self.values = np.ones(n_cells)
 
     def update(self, xy: FloatArray) -> None:

@@ -101,13 +101,14 @@ def angle_limits(topology: Topology, xy: FloatArray, movable: BoolArray) -> Limi
     )  # fmt: skip
     sizes = topology.cell_sizes
     by_sum = 60.0 if (sizes == 3).any() else 90.0, 90.0 if (sizes == 4).any() else 60.0
-    low, high = int(np.argmin(smallest)), int(np.argmax(largest))
+    low = topology.first_vertex(smallest == smallest.min())
+    high = topology.first_vertex(largest == largest.max())
     now = Quality(topology, xy)
     return Limits(
         min_angle=float(min(by_sum[0], smallest[low])),
         max_angle=float(max(by_sum[1], largest[high])),
-        min_angle_vertex=low if smallest[low] < by_sum[0] else -1,
-        max_angle_vertex=high if largest[high] > by_sum[1] else -1,
+        min_angle_vertex=int(topology.vertex_ids[low]) if smallest[low] < by_sum[0] else -1,
+        max_angle_vertex=int(topology.vertex_ids[high]) if largest[high] > by_sum[1] else -1,
         reached_min_angle=float(now.min_angle.min()),
         reached_max_angle=float(now.max_angle.max()),
     )

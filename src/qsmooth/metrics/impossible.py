@@ -65,9 +65,10 @@ def impossible(topology: Topology, xy: FloatArray, movable: BoolArray) -> Imposs
     doublets = doublet_vertices(topology)
     by_doublet = np.zeros(topology.n_cells, np.bool_)
     if doublets.any():
+        listed = np.flatnonzero(doublets)
         kernels.mark_one_of_two(
             xy,
-            np.flatnonzero(doublets),
+            listed[np.argsort(topology.vertex_ids[listed])],
             topology.star_offsets,
             topology.star_cells,
             topology.star_corners,

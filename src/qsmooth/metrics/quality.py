@@ -96,7 +96,11 @@ class Quality:
     def extreme_angles(self) -> tuple[float, float]:
         """Smallest and largest angle of the mesh, degrees; quicker than by way of all cells'."""
         smallest, largest = self.diamonds
-        low, high = self._angles_of([int(np.argmin(smallest)), int(np.argmax(largest))])
+        cells = [
+            self.topology.first_cell(d == d[k])
+            for d, k in ((smallest, np.argmin(smallest)), (largest, np.argmax(largest)))
+        ]
+        low, high = self._angles_of(cells)
         return float(low[0]), float(high[1])
 
     def low_angle(self, percent: float) -> float:
@@ -105,7 +109,8 @@ class Quality:
         place = percent / 100.0 * (smallest.size - 1)
         at = min(int(place), max(smallest.size - 2, 0))
         ends = [at, min(at + 1, smallest.size - 1)]
-        low, _ = self._angles_of(np.argpartition(smallest, ends)[ends])
+        values = np.partition(smallest, ends)[ends]
+        low, _ = self._angles_of([self.topology.first_cell(smallest == value) for value in values])
         return float(low[0] + (place - at) * (low[1] - low[0]))
 
     @cached_property

@@ -15,6 +15,7 @@ import numpy as np
 from qsmooth._types import FloatArray
 from qsmooth._words import did_you_mean
 from qsmooth.metrics.metric import Cells, Metric
+from qsmooth.sums import exact_mean
 
 INFINITE = float("inf")
 VERDICT = "C. J. Stimpson et al., The Verdict geometric quality library, SAND2007-1751"
@@ -139,7 +140,7 @@ def relative_size_squared(cells: Cells) -> FloatArray:
     mean = {}
     for n in (3, 4):
         counted = (cells.topology.cell_sizes == n) & np.isfinite(areas)
-        mean[n] = float(areas[counted].mean()) if counted.any() else 0.0
+        mean[n] = exact_mean(areas[counted]) if counted.any() else 0.0
     out = np.empty(cells.topology.n_cells)
     verdict_metrics.relative_size_squared(
         cells.area, cells.topology.cell_offsets, mean[3], mean[4], out

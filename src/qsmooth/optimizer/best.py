@@ -12,6 +12,7 @@ from qsmooth.metrics import Quality
 from qsmooth.optimizer.lanes import Lanes
 from qsmooth.optimizer.progress import Progress
 from qsmooth.outcome import Forbidden
+from qsmooth.sums import exact_mean
 
 # A result that is better by less than this in every figure is not worth moving a vertex for.
 LEAST_GAIN = 1e-3
@@ -255,11 +256,11 @@ class Best:
         shape = 1.0 / self.lanes.worst_shape(xy)
         return Figures(
             free_jacobian=1.0 / float(badness.max(initial=1.0)),
-            shape=float(shape.mean()),
+            shape=exact_mean(shape),
             least_shape=float(shape.min()),
             low_angle=quality.low_angle(LOW),
-            energy=float(energy.mean()),
-            plain_shape=float(np.mean(quality.shape)),
+            energy=exact_mean(energy),
+            plain_shape=exact_mean(quality.shape),
             n_invalid=quality.n_invalid,
             resized=self._resized(quality),
         )
@@ -271,4 +272,4 @@ class Best:
         # Twice the area of a triangle, as the targets are.
         twice = np.where(self.lanes.topology.cell_sizes == 3, 2.0, 1.0)
         tau = np.where(weight > 0.0, twice * quality.area * inv_area, 1.0)
-        return float((weight * np.abs(np.log(np.maximum(tau, TINY)))).mean())
+        return exact_mean(weight * np.abs(np.log(np.maximum(tau, TINY))))

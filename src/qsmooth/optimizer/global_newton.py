@@ -11,6 +11,7 @@ import numpy as np
 from qsmooth._types import FloatArray
 from qsmooth.kernels.stars import Stars
 from qsmooth.optimizer.caps import Caps
+from qsmooth.sums import exact_sum
 from qsmooth.topology import Topology
 
 if TYPE_CHECKING:
@@ -61,10 +62,13 @@ class GlobalNewton:
 
         self.topology, self._targets = topology, (corners, sizes, maps)
         self._forbidden = caps.forbidden
-        self.vertices = np.sort(stars.vertices.astype(np.int64))
+        self.vertices = stars.vertices.astype(np.int64)
         if caps.lost.any():
             lost = topology.cell_vertices[np.repeat(caps.lost, topology.cell_sizes)]
             self.vertices = np.setdiff1d(self.vertices, lost)
+        # In the caller's order, as are the cells that are summed up: solutions depend on it.
+        self.vertices = self.vertices[np.argsort(topology.vertex_ids[self.vertices])]
+        self._cells = np.argsort(topology.cell_ids)
         self.unknown = np.full(topology.n_vertices, -1, np.int64)
         self.unknown[self.vertices] = np.arange(self.vertices.size)
         self.offsets, self.columns = block_pattern(
@@ -89,7 +93,7 @@ class GlobalNewton:
         if not self.vertices.size:
             return 0.0
         assemble(
-            xy, *self.topology.cells, self.unknown, self.offsets, self.columns,
+            xy, *self.topology.cells, self._cells, self.unknown, self.offsets, self.columns,
             *self._targets, self._gradient, self._values,
         )  # fmt: skip
         size = 2 * self.vertices.size
@@ -137,7 +141,7 @@ class GlobalNewton:
         movable = self.unknown >= 0
         cell_energy(xy, *topology.cells, movable, *self._targets, worst, total)
         total *= np.where(topology.cell_sizes == 3, 1.0, 4.0)
-        return float(total.sum())
+        return exact_sum(total)
 
 
 def _solve(matrix: bsr_matrix, right: FloatArray) -> FloatArray:

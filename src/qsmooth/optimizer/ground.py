@@ -7,6 +7,7 @@ from functools import cached_property
 
 from qsmooth._types import BoolArray
 from qsmooth.engine import Engine
+from qsmooth.numbering import Inside
 from qsmooth.optimizer.lanes import Lanes
 from qsmooth.topology import Topology
 
@@ -17,18 +18,23 @@ class Ground:
 
     Attributes
     ----------
-    topology
-        Of the mesh.
+    inside
+        The mesh as it lies in memory.
     keep_interfaces, only
-        Whether interfaces stay, and which vertices are selected, None for all.
+        Whether interfaces stay, and which vertices are selected, None for all, (n_vertices,).
     engine
         Who runs the sweeps.
     """
 
-    topology: Topology
+    inside: Inside
     keep_interfaces: bool
     only: BoolArray | None
     engine: Engine
+
+    @property
+    def topology(self) -> Topology:
+        """Cells, in the order inside."""
+        return self.inside.topology
 
     @cached_property
     def movable(self) -> BoolArray:

@@ -16,6 +16,7 @@ from qsmooth.metrics import Quality
 from qsmooth.optimizer.caps import ALWAYS, FREE, Caps
 from qsmooth.optimizer.look import Look
 from qsmooth.optimizer.progress import Progress
+from qsmooth.sums import exact_sum
 from qsmooth.targets import Targets, beside_others
 from qsmooth.topology import Topology
 
@@ -138,8 +139,8 @@ class Lanes:
         trial, held = xy.copy(), np.tile(FREE[:ALWAYS], (self.topology.n_vertices, 1))
         lengths, wall = np.empty_like(self._moves.lengths), Wall(1.0, np.inf, 1)
         self._engine.run(self._sweep(trial, wall, held, lengths), self.n_colours)
-        before = float(self.energy(xy)[1].sum())
-        return 1.0 - float(self.energy(trial)[1].sum()) / before
+        before = exact_sum(self.energy(xy)[1])
+        return 1.0 - exact_sum(self.energy(trial)[1]) / before
 
     def aim_at(self, targets: Targets) -> None:
         """Ask each cell for this shape and size from now on; takes walls on shape down."""

@@ -55,8 +55,9 @@ def kept_from_better(lanes: Lanes, xy: FloatArray, wall: Wall) -> tuple[Held, ..
     for k, name in enumerate(HELD):
         of_it = np.flatnonzero((figures == k) & (loss > LEAST_LOSS))
         if of_it.size:
-            cell = int(cells[of_it[np.argmax(loss[of_it])]])
-            value = lanes.caps.value(name, cell)
+            most = cells[of_it[loss[of_it] == loss[of_it].max()]]
+            ids = lanes.topology.cell_ids[most]
+            value, cell = lanes.caps.value(name, int(most[np.argmin(ids)])), int(ids.min())
             said.append(Held(figure=name, value=value, cell=cell, vertices=int(of_it.size)))
     return tuple(said)
 

@@ -13,7 +13,9 @@ from qsmooth.engine import threads_for
 from qsmooth.mesh import Mesh
 from qsmooth.methods.base import Method
 from qsmooth.methods.driver import invalid_cells, stored
-from qsmooth.metrics import Quality, limits, quality
+from qsmooth.metrics import Quality
+from qsmooth.metrics.bounds import angle_limits
+from qsmooth.numbering import Inside
 from qsmooth.optimizer.best import MEAN_LOSS, Best
 from qsmooth.optimizer.ground import Ground
 from qsmooth.optimizer.judgement import judged
@@ -26,6 +28,7 @@ from qsmooth.optimizer.untangling import untangle, with_proof
 from qsmooth.options import opaque, option
 from qsmooth.outcome import Aim, Forbidden, Held, Invalid, Outcome, Stop, Target
 from qsmooth.result import History, SmoothResult
+from qsmooth.sums import exact_mean
 from qsmooth.targets import (
     Targets,
     candidates,
@@ -49,12 +52,26 @@ FEW_INVALID = 0.01
 LAST_WALL = 0.95
 
 
+def targets_inside(targets: Targets, inside: Inside) -> Targets:
+    """Put targets of the caller's cells into the order inside."""
+    if not inside.topology.is_renumbered:
+        return targets
+    cells = inside.topology.cell_ids
+    return targets._replace(
+        corners=np.take(targets.corners, inside.corner_places, axis=0),
+        area=targets.area[cells],
+        size_weight=targets.size_weight[cells],
+        is_layer=targets.is_layer[cells],
+        maps=None if targets.maps is None else np.take(targets.maps, cells, axis=0),
+    )
+
+
 def _change(old: Targets, new: Targets) -> float:
     """Mean relative change of the target areas, or of the maps where that is larger."""
-    change = float(np.abs(np.log(new.area / old.area)).mean())
+    change = exact_mean(np.abs(np.log(new.area / old.area)))
     if old.maps is not None and new.maps is not None:
         lengths = [np.abs(maps).max(axis=1) for maps in (new.maps - old.maps, old.maps)]
-        change = max(change, float((lengths[0] / lengths[1]).mean()))
+        change = max(change, exact_mean(lengths[0] / lengths[1]))
     return change
 
 
@@ -80,7 +97,8 @@ class _Staged(Method):
 
     def run(self, mesh: Mesh, chosen: str = "") -> SmoothResult:
         """Go through the stages, and sum up."""
-        before = quality(mesh)
+        inside = Inside(mesh)
+        before = inside.quality(mesh)
         summary = before.summary()
         only, _ = self.selected(mesh)
         movable = mesh.topology.movable(self.keep_interfaces)
@@ -88,24 +106,24 @@ class _Staged(Method):
             movable &= only
         n_movable = int(movable.sum())
         progress = Progress(self, summary)
-        result, found, invalid = mesh, _Found(mesh.xy), invalid_cells(before, before)
+        result, found, bounds = mesh, _Found(inside.at_vertices(mesh.xy)), None
         if n_movable:
             engine = threads_for(self.threads, n_movable)
-            ground = Ground(mesh.topology, self.keep_interfaces, only, engine)
+            only = inside.chosen_vertices(only)
+            ground = Ground(inside, self.keep_interfaces, only, engine)
             with engine.running():
-                found = self.stages(ground, mesh, before, progress)
-                result = stored(mesh, found.xy)
-                invalid = invalid_cells(before, quality(result))
-        invalid = with_proof(invalid, mesh.topology, result.xy, movable)
-        bounds = self.bounds(result) if n_movable else None
+                found = self.stages(ground, before, progress)
+                result = stored(mesh, inside.back(found.xy))
+            bounds = self.bounds(inside, result)
+        after = inside.quality(result)
+        invalid = with_proof(invalid_cells(before, after), mesh.topology, result.xy, movable)
         seconds = progress.seconds
         stop = progress.stop or self.finished(found, invalid)
         if not n_movable and stop is not Stop.STUCK:
             stop = Stop.NOTHING_MOVES
-        after = quality(result)
         start = before
         if found.start is not None and before.n_invalid:
-            start = Quality(mesh.topology, found.start)
+            start = inside.quality_at(found.start)
         trades, sizes = judged(before, start, after, found.target, found.layers)
         return SmoothResult(
             mesh=result,
@@ -138,7 +156,7 @@ class _Staged(Method):
         value = getattr(self, stop.value, None)
         return math.nan if value is None else float(value)
 
-    def stages(self, ground: Ground, mesh: Mesh, before: Quality, progress: Progress) -> _Found:
+    def stages(self, ground: Ground, before: Quality, progress: Progress) -> _Found:
         """Run the stages."""
         raise NotImplementedError
 
@@ -146,7 +164,7 @@ class _Staged(Method):
         """Why it stopped where what the caller allows was not used up."""
         raise NotImplementedError
 
-    def bounds(self, result: Mesh) -> object:
+    def bounds(self, inside: Inside, result: Mesh) -> object:
         """Limits of the result's angles, where they belong to the outcome."""
         return None
 
@@ -235,9 +253,10 @@ class Optimize(_Staged):
             self._given(mesh, mesh.xy)  # what does not fit the mesh is told of before all else
         return super().run(mesh, chosen)
 
-    def stages(self, ground: Ground, mesh: Mesh, before: Quality, progress: Progress) -> _Found:
+    def stages(self, ground: Ground, before: Quality, progress: Progress) -> _Found:
         """Untangle, improve the mean, mend the worst cells; keep the best that was seen."""
-        lanes, xy = ground.lanes, mesh.xy.copy()
+        inside, lanes = ground.inside, ground.lanes
+        xy = inside.at_vertices(inside.mesh.xy)
         meant = xy
         if before.n_invalid:
             if before.n_invalid <= FEW_INVALID * lanes.topology.n_cells:
@@ -247,13 +266,13 @@ class Optimize(_Staged):
         lanes.caps.hold(xy, self.hold, angles=not self._by_metric)
         start = xy.copy()
         with progress.stage(Aim.MEAN_SHAPE):
-            best, xy = self._improved(lanes, mesh, xy, meant, progress)
+            best, xy = self._improved(lanes, inside, xy, meant, progress)
         if self.worst and not self._by_metric and not best.good_enough():
             with progress.stage(Aim.WORST_CELLS):
                 mend_worst(lanes, xy, best, progress)
         best.settle()
         targets = lanes.targets
-        was, now = self._towards(lanes, mesh, start), self._towards(lanes, mesh, best.xy)
+        was, now = self._towards(lanes, inside, start), self._towards(lanes, inside, best.xy)
         return _Found(
             best.xy,
             best.good_enough(),
@@ -264,8 +283,8 @@ class Optimize(_Staged):
                 kind=targets.kind,
                 before=was,
                 after=now,
-                ideal_before=float(lanes.quality(start).shape.mean()),
-                ideal_after=float(lanes.quality(best.xy).shape.mean()),
+                ideal_before=exact_mean(lanes.quality(start).shape),
+                ideal_after=exact_mean(lanes.quality(best.xy).shape),
             ),
             layers=float(targets.is_layer.mean()),
         )
@@ -283,11 +302,11 @@ class Optimize(_Staged):
         threshold = LAST_WALL * float(worst) if self.worst else np.inf
         return kept_from_better(lanes, best.xy, Wall(1.0, threshold, 6))
 
-    def _towards(self, lanes: Lanes, mesh: Mesh, xy: FloatArray) -> float:
+    def _towards(self, lanes: Lanes, inside: Inside, xy: FloatArray) -> float:
         """Mean quality of coordinates towards what is meant; a function is asked where they are."""
         if callable(self.target):
-            lanes.aim_at(self._given(mesh, xy))
-        return float((1.0 / lanes.worst_shape(xy)).mean())
+            lanes.aim_at(self._asked_again(inside, xy))
+        return exact_mean(1.0 / lanes.worst_shape(xy))
 
     @property
     def _by_metric(self) -> bool:
@@ -295,20 +314,22 @@ class Optimize(_Staged):
         return not isinstance(self.target, str) and (callable(self.target) or self.target.ndim == 3)
 
     def _improved(
-        self, lanes: Lanes, mesh: Mesh, start: FloatArray, meant: FloatArray, progress: Progress
+        self, lanes: Lanes, inside: Inside, start: FloatArray, meant: FloatArray, progress: Progress
     ) -> tuple[Best, FloatArray]:
         """Improve the mean towards what the mesh is meant to be; where two readings of that differ,
         the one that comes nearer to squares and equilateral triangles is taken.
         """
         runs = []
-        found, keep_mean = self._targets(lanes, mesh, meant)
+        # Targets are learned in the caller's order: sums over the whole mesh are among them.
+        found, keep_mean = self._targets(inside.mesh, inside.back(meant))
         for targets in found:
+            targets = targets_inside(targets, inside)
             best, xy = self._aimed(lanes, targets, start, progress, keep_mean)
             runs.append((best.figures.plain_shape, targets, best, xy))
         if callable(self.target):
             for _ in range(ASKINGS):
                 _, old, best, xy = runs[-1]
-                new = self._given(mesh, best.xy)
+                new = self._asked_again(inside, best.xy)
                 if progress.spent() or _change(old, new) < ASKED:
                     break
                 best, xy = self._aimed(lanes, new, best.xy, progress)
@@ -343,20 +364,24 @@ class Optimize(_Staged):
         improve_mean(lanes, xy, best, progress, worst=self.worst)
         return best, xy
 
-    def _targets(self, lanes: Lanes, mesh: Mesh, xy: FloatArray) -> tuple[list[Targets], bool]:
+    def _targets(self, mesh: Mesh, xy: FloatArray) -> tuple[list[Targets], bool]:
         """What cells may be meant to be, plain first, then learned where that differs; and whether
         the mesh itself says that ideal is what they are meant to be.
         """
         if not isinstance(self.target, str):
             return [self._given(mesh, xy)], False
         if self.target == "initial":
-            return [self._sized(mesh, initial(lanes.topology, xy), xy)], False
-        plain, learned = candidates(lanes.topology, xy)
+            return [self._sized(mesh, initial(mesh.topology, xy), xy)], False
+        plain, learned = candidates(mesh.topology, xy)
         isotropic = learned is plain and plain.kind == "ideal"
         found = [plain] if learned is plain else [plain, learned]
         if self.target == "ideal":
-            found = [ideal(lanes.topology)]
+            found = [ideal(mesh.topology)]
         return [self._sized(mesh, targets, xy) for targets in found], isotropic
+
+    def _asked_again(self, inside: Inside, xy: FloatArray) -> Targets:
+        """Targets of a function at coordinates that are in the order inside."""
+        return targets_inside(self._given(inside.mesh, inside.back(xy)), inside)
 
     def _given(self, mesh: Mesh, xy: FloatArray) -> Targets:
         """Targets from the caller's ratios or metric."""
@@ -375,9 +400,10 @@ class Optimize(_Staged):
         """Why it stopped where no limit of the caller was reached."""
         return Stop.STOP_QUALITY if found.good_enough else Stop.SETTLED
 
-    def bounds(self, result: Mesh) -> object:
+    def bounds(self, inside: Inside, result: Mesh) -> object:
         """Limits of the result's angles."""
-        return limits(result, keep_interfaces=self.keep_interfaces)
+        xy = inside.at_vertices(result.xy)
+        return angle_limits(inside.topology, xy, inside.topology.movable(self.keep_interfaces))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -402,9 +428,9 @@ class Untangle(_Staged):
 
     max_sweeps: int = option(20_000, within="[0, inf)", flag="sweeps", help="Sweeps at most.")
 
-    def stages(self, ground: Ground, mesh: Mesh, before: Quality, progress: Progress) -> _Found:
+    def stages(self, ground: Ground, before: Quality, progress: Progress) -> _Found:
         """Untangle, unless the mesh is valid."""
-        xy = mesh.xy.copy()
+        xy = ground.inside.at_vertices(ground.inside.mesh.xy)
         if before.n_invalid:
             with progress.stage(Aim.UNTANGLE):
                 untangle(ground, xy, progress)

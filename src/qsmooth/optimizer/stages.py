@@ -11,6 +11,7 @@ from qsmooth.optimizer.best import LEAST_GAIN, Best
 from qsmooth.optimizer.caps import HOLDABLE
 from qsmooth.optimizer.lanes import Lanes
 from qsmooth.optimizer.progress import Progress
+from qsmooth.sums import exact_sum
 
 # An energy that fell by less than this fraction in a round has settled.
 SETTLED = 1e-5
@@ -218,7 +219,7 @@ def _global_steps(
 
 
 def _total(energy: FloatArray) -> float:
-    return float(energy[np.isfinite(energy)].sum())
+    return exact_sum(energy[np.isfinite(energy)])
 
 
 def _largest(badness: FloatArray) -> float:

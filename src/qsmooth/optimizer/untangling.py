@@ -13,6 +13,7 @@ from qsmooth.optimizer.ground import Ground
 from qsmooth.optimizer.islands import Islands, Task
 from qsmooth.optimizer.progress import Progress
 from qsmooth.outcome import Invalid
+from qsmooth.sums import exact_mean
 from qsmooth.topology import Topology
 
 # Edges from an invalid cell to the farthest vertex that may move at first; doubled where that is
@@ -160,5 +161,5 @@ def local_sizes(topology: Topology, xy: FloatArray) -> FloatArray:
         spread_logarithms(*topology.rings, logarithms, spread)
         logarithms, spread = spread, logarithms
     finite = logarithms[np.isfinite(logarithms)]
-    logarithms[~np.isfinite(logarithms)] = finite.mean() if finite.size else 0.0
+    logarithms[~np.isfinite(logarithms)] = exact_mean(finite) if finite.size else 0.0
     return np.exp(logarithms)
