@@ -137,7 +137,7 @@ def choose_anew(
     star_offsets: IndexArray,
     star_cells: IndexArray,
 ) -> int:
-    """Let the listed vertices choose anew, whole colours at a time: first those from `n_colours` on.
+    """Let the listed vertices choose anew, whole colours at a time: first from `n_colours` on.
 
     Parameters
     ----------

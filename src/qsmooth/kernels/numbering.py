@@ -62,16 +62,14 @@ def curve_order(xy: FloatArray, low: FloatArray, scale: FloatArray) -> IndexArra
     other_keys, other_order = np.empty_like(keys), np.empty_like(order)
     fill = np.empty(N_BUCKETS, np.int64)
     for digit in range(N_DIGITS):
-        start = np.int64(0)
-        for bucket in range(N_BUCKETS):
-            fill[bucket] = start
-            start += counts[digit, bucket]
+        fill[0] = 0
+        for bucket in range(N_BUCKETS - 1):
+            fill[bucket + 1] = fill[bucket] + counts[digit, bucket]
         shift = np.uint64(DIGIT_BITS * digit)
         for i in range(n):
-            bucket = np.int64((keys[i] >> shift) & LAST_BITS)
-            at = fill[bucket]
-            other_keys[at], other_order[at] = keys[i], order[i]
-            fill[bucket] = at + 1
+            own = np.int64((keys[i] >> shift) & LAST_BITS)
+            other_keys[fill[own]], other_order[fill[own]] = keys[i], order[i]
+            fill[own] += 1
         keys, other_keys = other_keys, keys
         order, other_order = other_order, order
     return order
