@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
 # Tables hold vertex ids in 32 bits, and keep one for "none".
 LARGEST_COUNT = 2**32 - 2
-# The curve tells places apart that are this share of the mesh's extent from each other.
-CURVE_STEPS = float(2**32 - 1)
 
 
 class Topology:
@@ -274,7 +272,9 @@ class Topology:
 
         if self._along_curve is None:
             low, size = xy.min(axis=0), np.ptp(xy, axis=0)
-            scale = np.where(size > 0.0, CURVE_STEPS / np.where(size > 0.0, size, 1.0), 0.0)
+            scale = np.where(
+                size > 0.0, (2**numbering.LEVELS - 1) / np.where(size > 0.0, size, 1.0), 0.0
+            )
             self._along_curve = self.renumbered(numbering.curve_order(xy, low, scale))
         return self._along_curve
 

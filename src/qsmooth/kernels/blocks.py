@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from qsmooth._types import BlockArray, FloatArray, IndexArray, TableArray
-from qsmooth.kernels._jit import inlined_helper, kernel
+from qsmooth.kernels._jit import helper, inlined_helper, kernel
 from qsmooth.kernels.corner_energy import EQUILATERAL, SQUARE
 from qsmooth.kernels.stars import NO_VERTEX, Stars
 
@@ -21,6 +21,8 @@ FIRST, SIZE, N_QUADS, N_TRIANGLES, STAR, ROWS = range(6)
 N_COLUMNS = 6
 # Flags of `Rows.asks`: other shapes than the ideal ones, sizes, walls on shape.
 SHAPES, SIZES, WALLS = 1, 2, 4
+# Stars of as many quads, or triangles, or more are not sorted by how many there are.
+MOST_OF_A_KIND = 32
 # What differs by no more than this from the coefficients of an ideal shape is ideal.
 ROUNDING = 1e-15
 
@@ -114,15 +116,22 @@ def lane_row(k: int) -> Any:
     return np.uint64(k * LANES)
 
 
+@helper()
+def _bucket(kind: int) -> int:
+    """Number the make-ups of stars; very large ones share numbers."""
+    quads, triangles = kind >> 32, kind & 0xFFFFFFFF
+    return min(quads, MOST_OF_A_KIND - 1) * MOST_OF_A_KIND + min(triangles, MOST_OF_A_KIND - 1)
+
+
 @kernel()
 def build_blocks(stars: Stars) -> Blocks:
     """Cut coloured vertices into blocks of equal stars.
 
-    Within a colour, blocks come in the order of their make-up, and vertices of one make-up in the
-    order they had.
+    Within a colour, blocks come in the order of their make-up, but for hubs, and vertices of one
+    make-up in the order they had.
     """
-    offsets, corners, colour_offsets = stars.offsets, stars.corners, stars.colour_offsets
-    n = stars.vertices.size
+    colour_offsets, listed, offsets, corners, of_rows, largest = stars
+    n = listed.size
     kind = np.empty(n, np.int64)
     n_entries = 0
     for i in range(n):
@@ -133,14 +142,21 @@ def build_blocks(stars: Stars) -> Blocks:
         kind[i] = (quads << 32) | triangles
         n_entries += 3 * quads + 2 * triangles
     n_colours = colour_offsets.size - 1
-    rows = np.empty(n, np.int64)
+    rows, fill = np.empty(n, np.int64), np.empty(MOST_OF_A_KIND**2 + 1, np.int64)
     n_blocks = 0
     for colour in range(n_colours):
         start, stop = colour_offsets[colour], colour_offsets[colour + 1]
-        order = np.argsort(kind[start:stop], kind="mergesort")
+        fill[:] = 0
+        for i in range(start, stop):
+            fill[_bucket(kind[i]) + 1] += 1
+        fill[0] = start
+        for k in range(fill.size - 1):
+            fill[k + 1] += fill[k]
+        for i in range(start, stop):
+            rows[fill[_bucket(kind[i])]] = i
+            fill[_bucket(kind[i])] += 1
         size = 0
         for i in range(start, stop):
-            rows[i] = start + order[i - start]
             if size == LANES or (i > start and kind[rows[i]] != kind[rows[i - 1]]):
                 n_blocks += 1
                 size = 0
@@ -150,7 +166,7 @@ def build_blocks(stars: Stars) -> Blocks:
     colour_blocks = np.zeros(n_colours + 1, np.int64)
     vertices = np.empty(n, np.uint32)
     entries = np.empty(n_entries, np.uint32)
-    cells = np.empty(stars.cells.size, np.uint32)
+    cells = np.empty(of_rows.size, np.uint32)
     b, entry, first_row = 0, 0, 0
     for colour in range(n_colours):
         i, stop = colour_offsets[colour], colour_offsets[colour + 1]
@@ -164,7 +180,7 @@ def build_blocks(stars: Stars) -> Blocks:
             table[b, ROWS] = first_row
             for lane in range(size):
                 source = rows[i + lane]
-                vertices[i + lane] = stars.vertices[source]
+                vertices[i + lane] = listed[source]
                 quad_at = entry + lane
                 triangle_at = entry + 3 * quads * size + lane
                 quad_row = first_row + lane
@@ -174,20 +190,20 @@ def build_blocks(stars: Stars) -> Blocks:
                         entries[triangle_at] = corners[row, 0]
                         entries[triangle_at + size] = corners[row, 2]
                         triangle_at += 2 * size
-                        cells[triangle_row] = stars.cells[row]
+                        cells[triangle_row] = of_rows[row]
                         triangle_row += size
                     else:
                         for k in range(3):
                             entries[quad_at + k * size] = corners[row, k]
                         quad_at += 3 * size
-                        cells[quad_row] = stars.cells[row]
+                        cells[quad_row] = of_rows[row]
                         quad_row += size
             entry += (3 * quads + 2 * triangles) * size
             first_row += (quads + triangles) * size
             i += size
             b += 1
         colour_blocks[colour + 1] = b
-    return Blocks(colour_blocks, table, vertices, entries, cells, stars.largest)
+    return Blocks(colour_blocks, table, vertices, entries, cells, largest)
 
 
 @kernel()
