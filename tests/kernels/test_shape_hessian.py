@@ -40,7 +40,8 @@ def assembled(mesh, vertices=None, asked=None):
     )
     gradient, values = np.full((n, 2), np.nan), np.full((columns.size, 2, 2), np.nan)
     shape_hessian.assemble(
-        mesh.xy, *cells, unknown, offsets, columns, targets, sizes, maps, gradient, values
+        mesh.xy, *cells, mesh.topology.cell_ids, unknown, offsets, columns, targets, sizes, maps,
+        gradient, values,
     )  # fmt: skip
     dense = np.zeros((2 * n, 2 * n))
     for r in range(n):

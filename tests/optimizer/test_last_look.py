@@ -27,7 +27,7 @@ def test_what_is_held_back_is_told_with_the_cell_that_would_get_worse():
 
 
 # Here caps on the way of the mean: the slopes of the bump shear its cells.
-TOLD = [((), ["min_angle"]), ("aspect_ratio", ["min_angle", "aspect_ratio"])]
+TOLD = [((), ["min_angle"]), ("aspect_ratio", ["min_angle", "max_angle", "aspect_ratio"])]
 
 
 @pytest.mark.parametrize(("hold", "told"), TOLD)

@@ -25,7 +25,8 @@ def add_exactly(bits: IndexArray, halves: IndexArray) -> None:
     bits : (n,)
         The numbers, float64, seen as integers.
     halves : (EXPONENTS, 2)
-        Added to: the upper and the lower halves of the fractions with each exponent.
+        Added to: the upper and the lower halves of the fractions with each exponent. The last row
+        is not 0 where a number is not finite.
     """
     last, high, low = np.int64(0), np.int64(0), np.int64(0)
     for word in bits:
@@ -35,7 +36,8 @@ def add_exactly(bits: IndexArray, halves: IndexArray) -> None:
             exponent = 1
         else:
             fraction |= HIDDEN
-        fraction = -fraction if word < 0 else fraction
+        if word < 0 and exponent != EXPONENTS - 1:
+            fraction = -fraction
         if exponent != last:  # seldom: most of what is summed up is of one size
             halves[last, 0] += high
             halves[last, 1] += low
