@@ -40,7 +40,7 @@ def exact_sum(values: FloatArray) -> float:
     try:
         return total / (1 << (BIAS - first)) if first < BIAS else float(total << (first - BIAS))
     except OverflowError:
-        return math.copysign(math.inf, total)
+        return math.inf if total > 0 else -math.inf
 
 
 def exact_mean(values: FloatArray) -> float:

@@ -95,10 +95,11 @@ def test_blocks_of_any_mesh(made):
 
 @pytest.mark.nojit
 def test_blocks_are_full_where_all_stars_are_alike():
-    # 20 by 20 interior vertices in four colours of 100: 64 and 36 each.
-    _, (colour_blocks, blocks, *_) = blocks_of(Mesh(*grid(21, 21)))
-    assert colour_blocks.tolist() == [0, 2, 4, 6, 8]
-    assert blocks[:, SIZE].tolist() == [64, 36] * 4
+    schedule, (colour_blocks, blocks, *_) = blocks_of(Mesh(*grid(21, 21)))
+    sizes = np.diff(schedule.colour_offsets)
+    assert np.diff(colour_blocks).tolist() == (-(-sizes // LANES)).tolist()
+    full = [[*[LANES] * (size // LANES), size % LANES] for size in sizes.tolist()]
+    assert blocks[:, SIZE].tolist() == [size for colour in full for size in colour if size]
     assert set(blocks[:, N_QUADS].tolist()) == {4}
     assert not blocks[:, N_TRIANGLES].any()
 
