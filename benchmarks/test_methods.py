@@ -4,10 +4,14 @@ import os
 import statistics
 import subprocess
 import sys
+import time
 
+import numpy as np
 import pytest
 
-from qsmooth import smooth
+from meshes import renumber, rough_grid
+from qsmooth import Mesh, smooth
+from qsmooth.numbering import numbered
 from qsmooth.registry import methods
 
 pytestmark = pytest.mark.benchmark(group="methods")
@@ -53,6 +57,29 @@ def test_star_over_quad(benchmark, lake, note, print_ratio, smoke):
         f"{lake.n_cells} quads, {sweeps} sweeps, 1 thread: star {1e3 * star:.1f} ms, "
         f"quad {1e3 * quad:.1f} ms, ratio {star / quad:.2f}"
     )
+
+
+@pytest.mark.parametrize("name", ["star", "optimize"])
+def test_random_numbering_over_good_numbering(benchmark, note, print_ratio, smoke, name):
+    """A million quads, ten sweeps, renumbering included: 1.3 times at most is the target."""
+    points, cells = rough_grid(20 if smoke else 1000)
+    rng, seconds = np.random.default_rng(0), {"good": [], "random": []}
+
+    def both():
+        # New meshes: what is derived from connectivity is to be made again.
+        shuffled = renumber(points, cells, rng)[:2]
+        for numbering, made in (("good", (points, cells)), ("random", shuffled)):
+            mesh = Mesh(*made)
+            start = time.perf_counter()
+            smooth(mesh, name, max_sweeps=SWEEPS, threads=1)
+            seconds[numbering].append(time.perf_counter() - start)
+        note(mesh, 1, sweeps=SWEEPS)
+
+    with numbered("curve"):
+        smooth(rough_grid(20), name, max_sweeps=SWEEPS)
+    benchmark.pedantic(both, rounds=1 if smoke else 3)
+    ratio = min(b / a for a, b in zip(seconds["good"], seconds["random"], strict=True))
+    print_ratio(f"{name}, {len(cells[0])} quads: random over good numbering {ratio:.2f}")
 
 
 FIRST_CALL = """

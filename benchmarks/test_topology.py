@@ -5,9 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from meshes import rough_grid
-from qsmooth import Mesh, examples
+from meshes import renumber, rough_grid
+from qsmooth import Mesh, examples, schedule
 from qsmooth.kernels import colouring, delaunay, topology
+from qsmooth.kernels.blocks import build_blocks
+from qsmooth.kernels.numbering import LEVELS, curve_order
+from qsmooth.numbering import is_scattered
 from qsmooth.topology import Topology
 
 pytestmark = pytest.mark.benchmark(group="topology")
@@ -31,9 +34,48 @@ def test_rings(benchmark, mesh, note):
 
 
 def test_colours(benchmark, mesh, note):
+    topology = mesh.topology
+    stars = topology.star_offsets, topology.star_cells
+    arguments = topology.movable(), topology.vertex_ids, topology.cells, stars
+    note(mesh, colours=schedule.colours(*arguments)[1])
+    run(benchmark, schedule.colours, *arguments)
+
+
+@pytest.mark.parametrize("part", ["colours", "order", "table", "blocks"])
+def test_part_of_the_schedule_of_a_million_quads(benchmark, note, smoke, part):
+    mesh = Mesh(*rough_grid(45 if smoke else 1000))
+    topology = mesh.topology
+    stars = topology.star_offsets, topology.star_cells
     note(mesh)
-    stars = mesh.star_offsets, mesh.star_cells
-    run(benchmark, colouring.colours, ~mesh.is_fixed, *mesh.topology.cells, *stars)
+    all_of_it = topology.schedule()
+    colours = topology.movable(), topology.vertex_ids, topology.cells, stars
+    colour, n_colours = schedule.colours(*colours)
+    table = colour, all_of_it.colour_offsets, *topology.cells, *stars, topology.star_corners
+    kernel, arguments = {
+        "colours": (schedule.colours, colours),
+        "order": (colouring.order_by_colour, (colour, n_colours)),
+        "table": (colouring.star_table, table),
+        "blocks": (build_blocks, (all_of_it,)),
+    }[part]
+    kernel(*arguments)
+    benchmark.pedantic(kernel, arguments, rounds=3)
+
+
+@pytest.mark.parametrize("part", ["measure", "curve", "renumber"])
+def test_renumbering_a_million_scattered_quads(benchmark, note, smoke, part):
+    points, cells, _ = renumber(*rough_grid(45 if smoke else 1000), np.random.default_rng(0))
+    mesh = Mesh(points, cells)
+    topology = mesh.topology
+    note(mesh)
+    span = np.zeros(2), np.full(2, (2**LEVELS - 1) / mesh.xy.max())
+    order = curve_order(mesh.xy, *span)
+    topology.renumbered(order)
+    call, arguments = {
+        "measure": (is_scattered, (topology,)),
+        "curve": (curve_order, (mesh.xy, *span)),
+        "renumber": (topology.renumbered, (order,)),
+    }[part]
+    benchmark.pedantic(call, arguments, rounds=3)
 
 
 def test_mesh_of_a_million_quads(benchmark, note, smoke):
