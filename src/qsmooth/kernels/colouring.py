@@ -12,7 +12,8 @@ from qsmooth._types import BoolArray, ColourArray, IndexArray, TableArray
 from qsmooth.kernels._jit import helper, inlined_helper, kernel
 from qsmooth.kernels.stars import NO_VERTEX
 
-# The colours in a cell are bits of a word. First fit in random order takes about ten.
+# The colours in a cell are bits of a word. First fit in random order takes about ten; a vertex that
+# finds none of these free is given one more, which is refused (`qsmooth.schedule`).
 MOST_COLOURS = 64
 ONE: Any = np.uint64(1)
 # The lowest bit that is not set, of each byte: a loop over bits costs a wrong guess each time.
@@ -153,10 +154,10 @@ def choose_anew(
     int
         How many have `n_colours` or beyond; they are the first of `listed` now.
     """
-    offsets, by_colour = np.zeros(MOST_COLOURS + 1, np.int64), np.empty(listed.size, np.uint32)
+    offsets, by_colour = np.zeros(MOST_COLOURS + 2, np.int64), np.empty(listed.size, np.uint32)
     for v in listed:
         offsets[colour[v] + 1] += 1
-    for c in range(MOST_COLOURS):
+    for c in range(MOST_COLOURS + 1):
         offsets[c + 1] += offsets[c]
     fill = offsets.copy()
     for v in listed:
@@ -167,10 +168,8 @@ def choose_anew(
         for s in range(star_offsets[v], star_offsets[v + 1]):
             taken[star_cells[s]] &= others
     beyond = 0
-    for step in range(MOST_COLOURS):
-        old = MOST_COLOURS - 1 - step
-        if old < n_colours:
-            old = (old + turn) % n_colours
+    for step in range(MOST_COLOURS, -1, -1):
+        old = step if step >= n_colours else (step + turn) % n_colours
         for i in range(offsets[old], offsets[old + 1]):
             v = by_colour[i]
             mine = free_colour(v, taken, star_offsets, star_cells)
