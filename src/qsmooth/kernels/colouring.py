@@ -47,14 +47,16 @@ def free_colour(v: int, taken: Any, star_offsets: IndexArray, star_cells: IndexA
 def _turns(
     movable: BoolArray, ids: IndexArray, cell_offsets: IndexArray, cell_vertices: IndexArray
 ) -> TableArray:
-    """List each cell's movable corners in the order of their priorities, then NO_VERTEX.
+    """List each cell's movable corners in the order of their priorities, then n_vertices (nobody).
 
     Cell c's part, (corners + 1,), begins at ``cell_offsets[c] + c``.
     """
     priorities = np.empty(movable.size, np.uint64)
     for v in range(movable.size):
         priorities[v] = priority(ids[v])
-    out = np.full(cell_vertices.size + cell_offsets.size - 1, NO_VERTEX, np.uint32)
+    out = np.empty(cell_vertices.size + cell_offsets.size - 1, np.uint32)
+    for k in range(out.size):
+        out[k] = movable.size
     for c in range(cell_offsets.size - 1):
         first = cell_offsets[c] + c
         stop = first
@@ -97,14 +99,15 @@ def first_fit(
     """
     n_vertices, n_cells = movable.size, cell_offsets.size - 1
     turns = _turns(movable, ids, cell_offsets, cell_vertices)
-    colour, taken = np.full(n_vertices, -1, np.int8), np.zeros(n_cells, np.uint64)
+    colour, taken = np.empty(n_vertices, np.int8), np.zeros(n_cells, np.uint64)
     at, waits = np.empty(n_cells, np.uint32), np.empty(n_vertices + 1, np.uint32)
     for v in range(n_vertices):
+        colour[v] = -1
         waits[v] = star_offsets[v + 1] - star_offsets[v]
-    waits[n_vertices] = NO_VERTEX  # what stands for nobody is never due
+    waits[n_vertices] = NO_VERTEX  # nobody is never due
     for c in range(n_cells):
         at[c] = cell_offsets[c] + c
-        waits[min(turns[at[c]], n_vertices)] -= 1
+        waits[turns[at[c]]] -= 1
     due = np.empty(n_vertices + 1, np.uint32)
     for seed in range(n_vertices):
         if not movable[seed] or waits[seed] != 0 or colour[seed] >= 0:
@@ -120,7 +123,7 @@ def first_fit(
                 c = star_cells[s]
                 taken[c] |= ONE << np.uint64(mine)
                 at[c] += 1
-                w = min(turns[at[c]], n_vertices)
+                w = turns[at[c]]
                 waits[w] -= 1
                 # Written in any case: a branch would be guessed wrongly half the time.
                 due[n_due] = w
@@ -278,7 +281,8 @@ def star_table(
         offsets[i + 1] += offsets[i]
     corners = np.empty((offsets[-1], 3), np.uint32)
     cells = np.empty(offsets[-1], np.uint32)
-    fill[:] = colour_offsets
+    for c in range(fill.size):
+        fill[c] = colour_offsets[c]
     for v in range(colour.size):
         if colour[v] < 0:
             continue
