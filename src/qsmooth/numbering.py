@@ -25,7 +25,7 @@ from qsmooth.topology import Topology
 # rows of a grid.
 SCATTERED, FAR, FAR_ROWS = 0.1, 4096, 4
 # So many runs of so many steps are looked at.
-RUNS, RUN = 64, 2048
+RUNS, RUN = 16, 1024
 
 # Metrics that are measured in the caller's order in any case.
 ON_EDGES = ("orthogonality", "non_orthogonality", "skewness")
@@ -86,6 +86,8 @@ class Inside:
 
     def back(self, values: FloatArray) -> FloatArray:
         """Put what there is at vertices inside into the caller's order; a copy."""
+        if not self.topology.is_renumbered:
+            return values.copy()
         out = np.empty_like(values)
         out[self.topology.vertex_ids] = values
         return out

@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+
 from qsmooth._types import BoolArray
 from qsmooth.engine import Engine
 from qsmooth.numbering import Inside
 from qsmooth.optimizer.lanes import Lanes
+from qsmooth.targets import Targets
 from qsmooth.topology import Topology
 
 
@@ -53,3 +56,17 @@ class Ground:
         return Lanes(
             self.topology, self.topology.schedule(self.keep_interfaces, vertices), self.engine
         )
+
+
+def targets_inside(targets: Targets, inside: Inside) -> Targets:
+    """Put targets of the caller's cells into the order inside."""
+    if not inside.topology.is_renumbered:
+        return targets
+    cells = inside.topology.cell_ids
+    return targets._replace(
+        corners=np.take(targets.corners, inside.corner_places, axis=0),
+        area=targets.area[cells],
+        size_weight=targets.size_weight[cells],
+        is_layer=targets.is_layer[cells],
+        maps=None if targets.maps is None else np.take(targets.maps, cells, axis=0),
+    )

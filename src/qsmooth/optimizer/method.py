@@ -17,7 +17,7 @@ from qsmooth.metrics import Quality
 from qsmooth.metrics.bounds import angle_limits
 from qsmooth.numbering import Inside
 from qsmooth.optimizer.best import MEAN_LOSS, Best
-from qsmooth.optimizer.ground import Ground
+from qsmooth.optimizer.ground import Ground, targets_inside
 from qsmooth.optimizer.judgement import judged
 from qsmooth.optimizer.lanes import Lanes
 from qsmooth.optimizer.last_look import kept_from_better
@@ -50,20 +50,6 @@ ASKINGS, ASKED = 8, 1e-2
 FEW_INVALID = 0.01
 # The last look is at corners as bad as this fraction of the worst one.
 LAST_WALL = 0.95
-
-
-def targets_inside(targets: Targets, inside: Inside) -> Targets:
-    """Put targets of the caller's cells into the order inside."""
-    if not inside.topology.is_renumbered:
-        return targets
-    cells = inside.topology.cell_ids
-    return targets._replace(
-        corners=np.take(targets.corners, inside.corner_places, axis=0),
-        area=targets.area[cells],
-        size_weight=targets.size_weight[cells],
-        is_layer=targets.is_layer[cells],
-        maps=None if targets.maps is None else np.take(targets.maps, cells, axis=0),
-    )
 
 
 def _change(old: Targets, new: Targets) -> float:
