@@ -21,8 +21,6 @@ AT_LIMIT = 1e-5
 LEAST_FORBIDDEN = 1e-2
 # The share of the mean shape that the worst cells may cost if nothing else is said.
 MEAN_LOSS = 0.1
-# How much a loss of the worst shape counts beside a gain of the worst corner.
-WORST_SHAPE_COUNTS = 0.5
 # So near its floor, as a fraction, the mean shape has nothing left to give.
 NEAR_FLOOR = 0.01
 # What the worst cells may cost the sizes: by so much may the mean of γ |log τ| grow.
@@ -75,7 +73,7 @@ class Figures:
     @property
     def worst_of_all(self) -> float:
         """What counts where a better worst corner costs the worst shape."""
-        return self.free_jacobian * self.least_shape**WORST_SHAPE_COUNTS
+        return self.free_jacobian * self.least_shape
 
     def better(self, other: Figures) -> bool:
         """Whether the worst corner is better, or about as good with a better mean."""
@@ -83,8 +81,11 @@ class Figures:
         return gain > LEAST_GAIN or (gain > -LEAST_GAIN and self.shape > other.shape)
 
     def gain(self, other: Figures) -> float:
-        """Largest gain over the other in any figure."""
-        return max(self.free_jacobian - other.free_jacobian, self.shape - other.shape)
+        """Largest gain over the other: of the worst corner, the mean, or overall."""
+        gains = [self.free_jacobian - other.free_jacobian, self.shape - other.shape]
+        if other.overall > 0.0:
+            gains.append(self.overall / other.overall - 1.0)
+        return max(gains)
 
 
 class Best:

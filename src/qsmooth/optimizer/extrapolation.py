@@ -10,7 +10,7 @@ from qsmooth.engine import Engine
 # Added to the diagonal of the least squares problem, as a fraction of its trace.
 REGULARISATION = 1e-10
 # Rounds to wait at most after places were refused again and again.
-MOST_WAITS = 3
+MOST_WAITS = 1
 # A vertex without an edge of positive length moves by no share of it that could be noted.
 NO_SIZE = 0.0
 

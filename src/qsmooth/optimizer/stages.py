@@ -35,7 +35,7 @@ KEPT_BACK = 2e-2
 WALLS = ((2, 0.7), (3, 0.8), (4, 0.85), (5, 0.9), (6, 0.9), (6, 0.95))
 # After so many rounds in which the worst corner did not get better by this the next wall is put up;
 # more rounds where there are layers, whose angles get better by and by.
-WALL_PATIENCE, LAYER_PATIENCE, WALL_GAIN = 1, 2, 1e-3
+WALL_PATIENCE, LAYER_PATIENCE, WALL_GAIN = 1, 2, 5e-4
 # The last walls are put up once more with walls on the shapes that stand this much farther back.
 LAST_WALLS, LOOSER = 3, 3.0
 # Then these walls stand by the worst cell of so many rings, for so many rounds each; they may cost
