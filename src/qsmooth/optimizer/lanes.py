@@ -90,11 +90,17 @@ class Lanes:
         found: IndexArray = row_corners(self._blocks, *self.topology.cells)
         return found
 
-    def newton(self, xy: FloatArray, wall: Wall, progress: Progress) -> None:
-        """Sweep a round downhill on the mean shape and the wall."""
+    def newton(
+        self, xy: FloatArray, wall: Wall, progress: Progress, *, extrapolate: bool = False
+    ) -> None:
+        """Sweep a round downhill on the mean shape and the wall; then, perhaps, go where it leads.
+
+        Not where sizes count: there an extrapolation takes the heights of layers along.
+        """
         sweep = self._sweep(xy, wall, self.caps.swept, self._moves.lengths)
         n_sweeps = progress.next_round()
-        ahead = self._ahead if n_sweeps == ROUND and self._ahead.due() else None
+        may = extrapolate and n_sweeps == ROUND and not self.sizes[:, 1].any()
+        ahead = self._ahead if may and self._ahead.due() else None
         if ahead is not None:
             ahead.start(xy, self.shortest_edges(xy))
         for _ in range(n_sweeps):
@@ -104,10 +110,6 @@ class Lanes:
                 ahead.note(xy)
         if ahead is not None:
             ahead.judge(self._go(xy, ahead.extrapolated(xy), wall))
-
-    @cached_property
-    def _ahead(self) -> Extrapolation:
-        return Extrapolation(self._blocks.vertices, ROUND, self._engine)
 
     def _go(self, xy: FloatArray, trial: FloatArray | None, wall: Wall) -> bool:
         """Go to where the sweeps lead if that is allowed and better; say whether."""
@@ -134,14 +136,17 @@ class Lanes:
         return False
 
     def _height(self, xy: FloatArray, wall: Wall) -> float:
-        """Sum up the energy that sweeps bring down, the same in any order."""
-        look, (_, slim, weight) = self.look(xy), self._asked
+        """Sum up the energy that sweeps bring down, the same in any order; lost cells have none."""
+        look, (_, slim, weight), counts = self.look(xy), self._asked, ~self.caps.lost
         n_terms = np.where(self.topology.cell_sizes == 3, 1.0, 4.0)
+        height = wall.mean_weight * (n_terms * weight * look.energy)[counts]
         with np.errstate(over="ignore"):
-            walls = (look.badness * self._near / wall.threshold) ** (2.0**wall.squarings)
-            walls += (look.worst_shape * slim) ** SLIM_POWER
-        height = wall.mean_weight * n_terms * weight * look.energy + walls
-        return math.fsum(height[~self.caps.lost])
+            walled = np.where(slim > 0.0, look.worst_shape, 0.0) * slim
+            height += walled[counts] ** SLIM_POWER
+            if wall.threshold < math.inf:
+                badness = (look.badness * self._near)[counts] / wall.threshold
+                height += badness ** (2.0**wall.squarings)
+        return math.fsum(height)
 
     def shortest_edges(self, xy: FloatArray) -> FloatArray:
         """Measure the shortest edge of each movable vertex, (n_movable,), in block order."""
@@ -202,6 +207,7 @@ class Lanes:
     def aim_at(self, targets: Targets) -> None:
         """Ask each cell for this shape and size from now on; takes walls on shape down."""
         self.targets, self._look = targets, None
+        self._ahead = Extrapolation(self._blocks.vertices, ROUND, self._engine)
         self.maps = np.empty((0, 3)) if targets.maps is None else targets.maps
         counts = targets.size_weight > 0.0
         inv_area = np.divide(1.0, targets.area, out=np.zeros(counts.size), where=counts)

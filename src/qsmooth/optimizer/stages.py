@@ -74,7 +74,7 @@ def improve_mean(
     start = _total(lanes.energy(xy)[1])
     best_shape, since, best_xy = 0.0, 0, xy.copy()
     while not progress.spent() and not best.good_enough():
-        lanes.newton(xy, no_wall, progress)
+        lanes.newton(xy, no_wall, progress, extrapolate=True)
         rounds += 1
         before, energy = energy, _total(lanes.energy(xy)[1])
         shape = best.offer(xy, by_mean=not worst).shape
@@ -150,7 +150,8 @@ def _push(
         patience = most
         while patience and not (progress.spent() or best.good_enough() or best.at_limit()):
             worst = _largest(lanes.energy(xy)[0])
-            lanes.newton(xy, Wall(weight, share * worst, squarings), progress)
+            wall = Wall(weight, share * worst, squarings)
+            lanes.newton(xy, wall, progress, extrapolate=True)
             now = best.offer(xy)
             # Mean and sizes count for more where the wall has cost them more than is allowed.
             affordable = best.affords(now)
