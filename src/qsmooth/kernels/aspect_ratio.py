@@ -25,9 +25,8 @@ from qsmooth.kernels.guards import (
     judge_ratios,
     keep_clearances,
     larger,
-    start_trial,
 )
-from qsmooth.kernels.lanes import ROW, ROW2, ROW3, ROW4, ROW6, SX, SY, X, Y, gather_stars
+from qsmooth.kernels.lanes import PX, PY, ROW, ROW2, ROW3, ROW4, ROW6, SX, SY, X, Y, gather_stars
 from qsmooth.kernels.lone_guards import Guard
 from qsmooth.kernels.stars import Moves
 from qsmooth.kernels.trigonometry import arctangent, cosine_and_sine
@@ -116,6 +115,7 @@ def mean_along_circumcircles(
     max_edge_ratio: float,
     step: float,
     power: float,
+    tolerated: float,
 ) -> None:
     """Average what the triangles around each vertex propose, as far as no clearance is lost.
 
@@ -123,8 +123,8 @@ def mean_along_circumcircles(
     ----------
     star, s, lines
         Scratch, as `guards.guard_lines` leaves it; rows SX and SY are overwritten with the means,
-        zero where nothing was accepted.
-    max_edge_ratio, step, power
+        zero where nothing was accepted, and MOST_RATIO with the largest ratios to keep.
+    max_edge_ratio, step, power, tolerated
         As in `aspect_ratio_sweep`.
     """
     n = block.size
@@ -140,6 +140,10 @@ def mean_along_circumcircles(
         found = s[WEIGHT + i] > 0.0
         x, y = s[SUM_X + i] / s[WEIGHT + i], s[SUM_Y + i] / s[WEIGHT + i]
         s[SX + i], s[SY + i] = x if found else 0.0, y if found else 0.0
+        s[PX + i], s[PY + i] = s[X + i], s[Y + i]
+    judge_ratios(star, s, block)
+    for i in range(n):
+        s[MOST_RATIO + i] = larger(s[RATIO + i], tolerated * tolerated)
 
 
 @parallel_kernel()
@@ -183,9 +187,5 @@ def aspect_ratio_sweep(
             block = block_at(table, b)
             gather_stars(xy, vertices, stars, block, star, s)
             guard_lines(star, s, block, lines)
-            mean_along_circumcircles(star, s, lines, block, max_edge_ratio, step, power)
-            start_trial(s, block.size, 0.0)
-            judge_ratios(star, s, block)
-            for i in range(block.size):
-                s[MOST_RATIO + i] = larger(s[RATIO + i], tolerated * tolerated)
+            mean_along_circumcircles(star, s, lines, block, max_edge_ratio, step, power, tolerated)
             guarded_moves(xy, vertices, block, guard, star, s, lines, lengths, shares)

@@ -119,44 +119,6 @@ def _write_line(lines: FloatArray, line: int, px: float, py: float, qx: float, q
     return distance
 
 
-@lane_helper()
-def _largest(largest: float, x: float, y: float) -> float:
-    return larger(larger(abs(x), abs(y)), largest)
-
-
-@helper()
-def _quad_lines(
-    star: FloatArray, s: FloatArray, at: int, n: int, lines: FloatArray, line: int
-) -> None:
-    for i in range(n):
-        x, y = s[X + i], s[Y + i]
-        ax, ay, bx, by = star[at + i], star[at + ROW + i], star[at + ROW2 + i], star[at + ROW3 + i]
-        cx, cy = star[at + ROW4 + i], star[at + ROW5 + i]
-        s[LARGEST + i] = _largest(_largest(_largest(s[LARGEST + i], ax, ay), bx, by), cx, cy)
-        ax, ay, bx, by, cx, cy = ax - x, ay - y, bx - x, by - y, cx - x, cy - y
-        va, vc = ax * ax + ay * ay, cx * cx + cy * cy
-        s[LONGEST + i] = larger(larger(va, vc), s[LONGEST + i])
-        s[SHORTEST + i] = smaller(smaller(va, vc), s[SHORTEST + i])
-        least = smaller(_write_line(lines, line + i, ax, ay, cx, cy), s[LEAST + i])
-        least = smaller(_write_line(lines, line + LINE + i, ax, ay, bx, by), least)
-        s[LEAST + i] = smaller(_write_line(lines, line + LINE2 + i, bx, by, cx, cy), least)
-
-
-@helper()
-def _triangle_line(
-    star: FloatArray, s: FloatArray, at: int, n: int, lines: FloatArray, line: int
-) -> None:
-    for i in range(n):
-        x, y = s[X + i], s[Y + i]
-        ax, ay, cx, cy = star[at + i], star[at + ROW + i], star[at + ROW2 + i], star[at + ROW3 + i]
-        s[LARGEST + i] = _largest(_largest(s[LARGEST + i], ax, ay), cx, cy)
-        ax, ay, cx, cy = ax - x, ay - y, cx - x, cy - y
-        va, vc = ax * ax + ay * ay, cx * cx + cy * cy
-        s[LONGEST + i] = larger(larger(va, vc), s[LONGEST + i])
-        s[SHORTEST + i] = smaller(smaller(va, vc), s[SHORTEST + i])
-        s[LEAST + i] = smaller(_write_line(lines, line + i, ax, ay, cx, cy), s[LEAST + i])
-
-
 @helper()
 def guard_lines(star: FloatArray, s: FloatArray, block: Block, lines: FloatArray) -> None:
     """Fill `lines`, and find the clearance to keep, the tolerated loss and the shortest edges.
@@ -173,10 +135,35 @@ def guard_lines(star: FloatArray, s: FloatArray, block: Block, lines: FloatArray
         s[LEAST + i], s[SHORTEST + i], s[LONGEST + i] = np.inf, np.inf, 0.0
         s[LARGEST + i] = larger(abs(s[X + i]), abs(s[Y + i]))
     for k in range(quads):
-        _quad_lines(star, s, k * ROW6, n, lines, k * QUAD_LINES)
+        at, line = k * ROW6, k * QUAD_LINES
+        for i in range(n):
+            x, y = s[X + i], s[Y + i]
+            ax, ay = star[at + i], star[at + ROW + i]
+            bx, by = star[at + ROW2 + i], star[at + ROW3 + i]
+            cx, cy = star[at + ROW4 + i], star[at + ROW5 + i]
+            at_a, at_b = larger(abs(ax), abs(ay)), larger(abs(bx), abs(by))
+            largest = larger(larger(at_a, at_b), larger(abs(cx), abs(cy)))
+            s[LARGEST + i] = larger(largest, s[LARGEST + i])
+            ax, ay, bx, by, cx, cy = ax - x, ay - y, bx - x, by - y, cx - x, cy - y
+            va, vc = ax * ax + ay * ay, cx * cx + cy * cy
+            s[LONGEST + i] = larger(larger(va, vc), s[LONGEST + i])
+            s[SHORTEST + i] = smaller(smaller(va, vc), s[SHORTEST + i])
+            least = smaller(_write_line(lines, line + i, ax, ay, cx, cy), s[LEAST + i])
+            least = smaller(_write_line(lines, line + LINE + i, ax, ay, bx, by), least)
+            s[LEAST + i] = smaller(_write_line(lines, line + LINE2 + i, bx, by, cx, cy), least)
     for k in range(block.n_triangles):
         at, line = quads * ROW6 + k * ROW4, quads * QUAD_LINES + k * LINE
-        _triangle_line(star, s, at, n, lines, line)
+        for i in range(n):
+            x, y = s[X + i], s[Y + i]
+            ax, ay = star[at + i], star[at + ROW + i]
+            cx, cy = star[at + ROW2 + i], star[at + ROW3 + i]
+            largest = larger(larger(abs(ax), abs(ay)), larger(abs(cx), abs(cy)))
+            s[LARGEST + i] = larger(largest, s[LARGEST + i])
+            ax, ay, cx, cy = ax - x, ay - y, cx - x, cy - y
+            va, vc = ax * ax + ay * ay, cx * cx + cy * cy
+            s[LONGEST + i] = larger(larger(va, vc), s[LONGEST + i])
+            s[SHORTEST + i] = smaller(smaller(va, vc), s[SHORTEST + i])
+            s[LEAST + i] = smaller(_write_line(lines, line + i, ax, ay, cx, cy), s[LEAST + i])
     for i in range(n):
         loss = tolerated_loss(np.sqrt(s[LONGEST + i]), s[LARGEST + i])
         s[LOSS + i] = loss
@@ -224,10 +211,12 @@ def _judge_corner(
 
 
 @helper()
-def judge(star: FloatArray, s: FloatArray, block: Block) -> None:
-    """Certify the corners that see the vertices at their trial places, and score them."""
+def _try(star: FloatArray, s: FloatArray, block: Block, fraction: float) -> None:
+    """Put the vertices at a fraction of their steps; certify and score what they see."""
     n, quads = block.size, block.n_quads
     for i in range(n):
+        s[PX + i] = s[X + i] + fraction * s[SX + i]
+        s[PY + i] = s[Y + i] + fraction * s[SY + i]
         s[CERTAIN + i], s[SCORE + i] = 1.0, np.inf
     for k in range(quads):
         at = k * ROW6
@@ -271,8 +260,8 @@ def judge(star: FloatArray, s: FloatArray, block: Block) -> None:
 
 
 @helper()
-def _judge_opposite(star: FloatArray, s: FloatArray, block: Block) -> None:
-    """Keep the scores of the quads' corners that do not see the vertices."""
+def _ask_no_more(star: FloatArray, s: FloatArray, block: Block) -> None:
+    """Ask for no more than what was found where the vertices are, and in the corners opposite."""
     n = block.size
     for k in range(block.n_quads):
         at = k * ROW6
@@ -287,6 +276,9 @@ def _judge_opposite(star: FloatArray, s: FloatArray, block: Block) -> None:
             ex, ey, fx, fy = ax - bx, ay - by, cx - bx, cy - by
             e, f = _one_over(ex * ex + ey * ey), _one_over(fx * fx + fy * fy)
             s[SCORE + i] = smaller(_squared_sine(fx * ey - fy * ex, e, f), s[SCORE + i])
+    for i in range(n):
+        s[WAS_CERTAIN + i] = s[CERTAIN + i]
+        s[ENOUGH + i] = smaller(s[SCORE + i], s[ENOUGH + i])
 
 
 @helper()
@@ -298,14 +290,6 @@ def judge_ratios(star: FloatArray, s: FloatArray, block: Block) -> None:
         at = block.n_quads * ROW6 + k * ROW4
         for i in range(block.size):
             s[RATIO + i] = larger(edge_ratio(star, at, i, s[PX + i], s[PY + i]), s[RATIO + i])
-
-
-@helper()
-def start_trial(s: FloatArray, n: int, fraction: float) -> None:
-    """Put the vertices at a fraction of their steps."""
-    for i in range(n):
-        s[PX + i] = s[X + i] + fraction * s[SX + i]
-        s[PY + i] = s[Y + i] + fraction * s[SY + i]
 
 
 @helper()
@@ -334,14 +318,6 @@ def _part_doubts(s: FloatArray, n: int) -> None:
         doubt = (s[TODO + i] > 0.0) & (not refused)
         s[LONE + i] = 1.0 if doubt else s[LONE + i]
         s[TODO + i] = 0.0 if doubt else s[TODO + i]
-
-
-@helper()
-def _take_present(s: FloatArray, n: int) -> None:
-    """Ask for no more than what is where the vertices are."""
-    for i in range(n):
-        s[WAS_CERTAIN + i] = s[CERTAIN + i]
-        s[ENOUGH + i] = smaller(s[SCORE + i], s[ENOUGH + i])
 
 
 @helper()
@@ -432,11 +408,9 @@ def guarded_moves(
     for attempt in range(len(TRIALS)):
         if left == 0:
             break
-        start_trial(s, n, TRIALS[attempt])
-        judge(star, s, block)
+        _try(star, s, block, TRIALS[attempt])
         if attempt == PRESENT:
-            _judge_opposite(star, s, block)
-            _take_present(s, n)
+            _ask_no_more(star, s, block)
             continue
         if guard.fenced:
             keep_clearances(lines, s, block, TRIALS[attempt])

@@ -34,9 +34,8 @@ from qsmooth.kernels.guard_rows import (
 from qsmooth.kernels.guards import smaller
 from qsmooth.kernels.lanes import ROW, ROW2, ROW3, ROW4, ROW5, ROW6, SX, SY, X, Y
 
-# Rows of the thresholds: by kind of cell. Columns: too large, too small; see `thresholds`.
+# Rows of the thresholds: by kind of cell. Columns: `Limits`.
 QUAD, TRIANGLE = 0, 1
-COS_MAX, COS_MIN, HEIGHT_MAX, HEIGHT_MIN = range(4)
 
 
 def thresholds(
@@ -53,21 +52,12 @@ def thresholds(
 
 
 class Limits(NamedTuple):
-    """A row of the thresholds."""
+    """A row of what `thresholds` tabulates."""
 
     cos_max: float
     cos_min: float
     height_max: float
     height_min: float
-
-
-@lane_helper()
-def limits(angles: FloatArray, kind: int) -> Limits:
-    """Look up the thresholds of a kind of cell."""
-    return Limits(
-        angles[kind, COS_MAX], angles[kind, COS_MIN], angles[kind, HEIGHT_MAX],
-        angles[kind, HEIGHT_MIN],
-    )  # fmt: skip
 
 
 @lane_helper()
@@ -100,34 +90,6 @@ def _shrink(
     return shrink if (large & (way > 0.0)) | (small & (way < 0.0)) else 0.0
 
 
-@lane_helper()
-def _propose(
-    lines: FloatArray,
-    s: FloatArray,
-    line: int,
-    i: int,
-    ux: float,
-    uy: float,
-    wx: float,
-    wy: float,
-    limits: Limits,
-    step: float,
-) -> None:
-    """Push or pull a vertex between its neighbours u and w, given relative to it; even it out.
-
-    The line u→w is its guard line.
-    """
-    height, nx, ny = lines[line + i], lines[line + LINE_X + i], lines[line + LINE_Y + i]
-    tx, ty = ny, -nx
-    length = (wx - ux) * tx + (wy - uy) * ty
-    edges = np.sqrt((ux * ux + uy * uy) * (wx * wx + wy * wy))
-    push = _push(height, length, ux * wx + uy * wy, edges, limits, step)
-    slide = step * 0.5 * ((ux + wx) * tx + (uy + wy) * ty)
-    s[FIRST_X + i], s[FIRST_Y + i] = nx * push, ny * push
-    s[SECOND_X + i], s[SECOND_Y + i] = tx * slide, ty * slide
-    s[FIRST_KEPT + i], s[SECOND_KEPT + i] = np.inf, np.inf
-
-
 @helper()
 def _gather_strides(
     s: FloatArray, block: Block, k: int, cells: TableArray, pace: FloatArray, step: float
@@ -139,20 +101,37 @@ def _gather_strides(
 
 
 @helper()
-def _quad_proposes(
+def _propose(
     star: FloatArray,
     s: FloatArray,
     lines: FloatArray,
-    at: int,
+    u: int,
+    w: int,
     line: int,
     n: int,
     limits: Limits,
 ) -> None:
+    """Push or pull each vertex between its neighbours in rows u and w of a cell, and even it out.
+
+    The line u→w is its guard line.
+    """
     for i in range(n):
         x, y = s[X + i], s[Y + i]
-        ux, uy = star[at + i] - x, star[at + ROW + i] - y
-        wx, wy = star[at + ROW4 + i] - x, star[at + ROW5 + i] - y
-        _propose(lines, s, line, i, ux, uy, wx, wy, limits, s[STRIDE + i])
+        ux, uy, wx, wy = (
+            star[u + i] - x,
+            star[u + ROW + i] - y,
+            star[w + i] - x,
+            star[w + ROW + i] - y,
+        )
+        height, nx, ny = lines[line + i], lines[line + LINE_X + i], lines[line + LINE_Y + i]
+        tx, ty = ny, -nx
+        length = (wx - ux) * tx + (wy - uy) * ty
+        edges = np.sqrt((ux * ux + uy * uy) * (wx * wx + wy * wy))
+        push = _push(height, length, ux * wx + uy * wy, edges, limits, s[STRIDE + i])
+        slide = s[STRIDE + i] * 0.5 * ((ux + wx) * tx + (uy + wy) * ty)
+        s[FIRST_X + i], s[FIRST_Y + i] = nx * push, ny * push
+        s[SECOND_X + i], s[SECOND_Y + i] = tx * slide, ty * slide
+        s[FIRST_KEPT + i], s[SECOND_KEPT + i] = np.inf, np.inf
 
 
 @helper()
@@ -187,23 +166,6 @@ def _shrink_diagonals(star: FloatArray, s: FloatArray, at: int, n: int, limits: 
     return found
 
 
-@helper()
-def _triangle_proposes(
-    star: FloatArray,
-    s: FloatArray,
-    lines: FloatArray,
-    at: int,
-    line: int,
-    n: int,
-    limits: Limits,
-) -> None:
-    for i in range(n):
-        x, y = s[X + i], s[Y + i]
-        ux, uy = star[at + i] - x, star[at + ROW + i] - y
-        wx, wy = star[at + ROW2 + i] - x, star[at + ROW3 + i] - y
-        _propose(lines, s, line, i, ux, uy, wx, wy, limits, s[STRIDE + i])
-
-
 @lane_helper()
 def _nearer(lines: FloatArray, line: int, dx: float, dy: float, kept: float) -> float:
     """Take the clearance from one more line into account."""
@@ -236,12 +198,6 @@ def _keep_line(lines: FloatArray, s: FloatArray, line: int, n: int) -> None:
         s[SECOND_KEPT + i] = smaller(second, s[SECOND_KEPT + i])
 
 
-@lane_helper()
-def _counts(dx: float, dy: float, kept: float, least: float, loss: float) -> float:
-    """Give 1 for a proposal that is a move and keeps the clearance, and 0 for any other."""
-    return 1.0 if (dx * dx + dy * dy >= loss * loss) & (kept >= least) else 0.0
-
-
 @helper()
 def _add_kept(s: FloatArray, n: int) -> None:
     """Add the two proposals of each lane that are moves and keep the clearance."""
@@ -249,8 +205,10 @@ def _add_kept(s: FloatArray, n: int) -> None:
         least, loss = s[LEAST + i], s[LOSS + i]
         dx, dy = s[FIRST_X + i], s[FIRST_Y + i]
         ex, ey = s[SECOND_X + i], s[SECOND_Y + i]
-        first = _counts(dx, dy, s[FIRST_KEPT + i], least, loss)
-        second = _counts(ex, ey, s[SECOND_KEPT + i], least, loss)
+        moves = dx * dx + dy * dy >= loss * loss
+        first = 1.0 if moves & (s[FIRST_KEPT + i] >= least) else 0.0
+        moves = ex * ex + ey * ey >= loss * loss
+        second = 1.0 if moves & (s[SECOND_KEPT + i] >= least) else 0.0
         s[SUM_X + i] += (dx if first > 0.0 else 0.0) + (ex if second > 0.0 else 0.0)
         s[SUM_Y + i] += (dy if first > 0.0 else 0.0) + (ey if second > 0.0 else 0.0)
         s[WEIGHT + i] += first + second
@@ -290,20 +248,23 @@ def mean_proposals(
     n, quads = block.size, block.n_quads
     for i in range(n):
         s[SUM_X + i], s[SUM_Y + i], s[WEIGHT + i] = 0.0, 0.0, 0.0
-    of_quads, of_triangles = limits(angles, QUAD), limits(angles, TRIANGLE)
+    of_quads = Limits(angles[QUAD, 0], angles[QUAD, 1], angles[QUAD, 2], angles[QUAD, 3])
+    of_triangles = Limits(
+        angles[TRIANGLE, 0], angles[TRIANGLE, 1], angles[TRIANGLE, 2], angles[TRIANGLE, 3]
+    )
     count = quads + block.n_triangles
     for k in range(count + quads if by_quad else count):
+        cell = k if k < count else k - count
+        _gather_strides(s, block, cell, cells, pace, step)
         if k >= count:
-            _gather_strides(s, block, k - count, cells, pace, step)
-            if _shrink_diagonals(star, s, (k - count) * ROW6, n, of_quads) == 0:
+            if _shrink_diagonals(star, s, cell * ROW6, n, of_quads) == 0:
                 continue
-        elif k < quads:
-            _gather_strides(s, block, k, cells, pace, step)
-            _quad_proposes(star, s, lines, k * ROW6, k * QUAD_LINES, n, of_quads)
         else:
-            _gather_strides(s, block, k, cells, pace, step)
-            at, line = quads * ROW2 + k * ROW4, quads * LINE2 + k * LINE
-            _triangle_proposes(star, s, lines, at, line, n, of_triangles)
+            u, w, line, asked = cell * ROW6, cell * ROW6 + ROW4, cell * QUAD_LINES, of_quads
+            if k >= quads:
+                u, line = quads * ROW2 + k * ROW4, quads * LINE2 + k * LINE
+                w, asked = u + ROW2, of_triangles
+            _propose(star, s, lines, u, w, line, n, asked)
         for other in range(quads):
             _keep_quad_lines(lines, s, other * QUAD_LINES, n)
         for other in range(block.n_triangles):
