@@ -24,6 +24,10 @@ def test_arctangent_where_formulas_meet(y, x):
     assert arctangent(np.float64(y), np.float64(x)) == pytest.approx(math.atan2(y, x), rel=4e-16)
 
 
+def test_a_vector_of_no_length_has_no_angle():
+    assert arctangent(0.0, 0.0) == 0.0
+
+
 @given(st.floats(-0.5 * math.pi, 0.5 * math.pi))
 def test_cosine_and_sine(angle):
     cosine, sine = cosine_and_sine(angle)

@@ -53,19 +53,20 @@ def along_circumcircle(
     jacobian, dot = ux * wy - uy * wx, ux * wx + uy * wy
     longer, shorter = (uu, ww) if uu > ww else (ww, uu)
     moves = (jacobian > 0.0) & (longer > max_edge_ratio * max_edge_ratio * shorter)
-    # The cotangents of the angles at u and w, times the Jacobian; half the difference of the two
-    # angles is what is left of the arc.
+    # The cotangents of the angles at u and w, times the Jacobian. The difference of the two angles
+    # is the angle at the centre of the arc that is left.
     at_u, at_w = uu - dot, ww - dot
     left = arctangent(jacobian * (at_u - at_w), at_u * at_w + jacobian * jacobian)
     cosine, sine = cosine_and_sine(0.5 * step * left)
     ex, ey = wx - ux, wy - uy
     # The law of sines gives the new distance from u.
-    scale = (jacobian * cosine - at_w * sine) / (jacobian * (ex * ex + ey * ey))
+    below = jacobian * (ex * ex + ey * ey) if moves else 1.0
+    scale = (jacobian * cosine - at_w * sine) / below
     along = scale * (at_u * cosine - jacobian * sine)
     across = scale * (jacobian * cosine + at_u * sine)
     dx = ux + along * ex - across * ey
     dy = uy + along * ey + across * ex
-    ratio = np.sqrt(longer / shorter)
+    ratio = np.sqrt(longer / (shorter if moves else 1.0))
     return dx if moves else 0.0, dy if moves else 0.0, ratio if moves else 0.0
 
 

@@ -11,12 +11,13 @@ from qsmooth.kernels.lanes import N_ROWS
     LONGEST, SHORTEST, LARGEST, LEAST, LOSS, CERTAIN, SCORE, RATIO, KEPT, ENOUGH, MOST_RATIO,
     WAS_CERTAIN, LONE, NEW_X, NEW_Y,
 ) = (lane_row(N_ROWS + k) for k in range(15))  # fmt: skip
-# Two proposals and their clearances; what was accepted, summed up, and its weight.
+# Two proposals and their clearances; what was accepted, summed up, and its weight; at which
+# multiple of its moves a cell proposes; how often a trial was refused by the edge ratio alone.
 (
     FIRST_X, FIRST_Y, FIRST_KEPT, SECOND_X, SECOND_Y, SECOND_KEPT, SUM_X, SUM_Y, WEIGHT,
-    STRIDE,
-) = (lane_row(N_ROWS + 15 + k) for k in range(10))  # fmt: skip
-N_GUARD_ROWS = N_ROWS + 25
+    STRIDE, BY_RATIO,
+) = (lane_row(N_ROWS + 15 + k) for k in range(11))  # fmt: skip
+N_GUARD_ROWS = N_ROWS + 26
 # Rows of a guard line: distance of v from it, and the gradient of that distance. A quad has three,
 # a→c, a→b, b→c, and a triangle one; those of the quads come first.
 LINE_X, LINE_Y = lane_row(1), lane_row(2)

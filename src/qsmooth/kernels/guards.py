@@ -20,6 +20,7 @@ from qsmooth.kernels._jit import helper, lane_helper
 from qsmooth.kernels.blocks import Block
 from qsmooth.kernels.geometry import certainly_positive
 from qsmooth.kernels.guard_rows import (
+    BY_RATIO,
     CERTAIN,
     ENOUGH,
     KEPT,
@@ -67,6 +68,7 @@ CLEARANCE_ULPS = 16.0
 # no more than that; and the steps again, halved until the vertex stays.
 TRIALS = (1.0, 0.0, 1.0, 0.5, 0.25, 0.125)
 PRESENT = 1
+N_HALVED = len(TRIALS) - PRESENT - 1
 # Up to so many lanes of a block that want another try are tried one by one.
 FEW = 4
 # More than the rounding errors of the square of a score, here and in the metric.
@@ -312,10 +314,12 @@ def _accept(s: FloatArray, n: int) -> int:
 def _part_doubts(s: FloatArray, n: int) -> None:
     """Set the lanes apart that were not refused for certain."""
     for i in range(n):
-        refused = (s[CERTAIN + i] == 0.0) & (s[WAS_CERTAIN + i] > 0.0)
-        refused |= s[SCORE + i] < s[ENOUGH + i] - SCORE_ROUNDING
-        refused |= (s[KEPT + i] < s[LEAST + i]) | (s[RATIO + i] > s[MOST_RATIO + i])
-        doubt = (s[TODO + i] > 0.0) & (not refused)
+        lost = (s[CERTAIN + i] == 0.0) & (s[WAS_CERTAIN + i] > 0.0)
+        lost |= (s[SCORE + i] < s[ENOUGH + i] - SCORE_ROUNDING) | (s[KEPT + i] < s[LEAST + i])
+        kept = (s[CERTAIN + i] > 0.0) & (s[SCORE + i] > s[ENOUGH + i] + SCORE_ROUNDING)
+        uneven = kept & (s[KEPT + i] >= s[LEAST + i]) & (s[RATIO + i] > s[MOST_RATIO + i])
+        doubt = (s[TODO + i] > 0.0) & (not lost) & (not uneven)
+        s[BY_RATIO + i] += 1.0 if uneven else 0.0
         s[LONE + i] = 1.0 if doubt else s[LONE + i]
         s[TODO + i] = 0.0 if doubt else s[TODO + i]
 
@@ -326,7 +330,8 @@ def _want(s: FloatArray, n: int, guard: Guard) -> int:
     enough = -np.inf if math.isnan(guard.good) else guard.good * abs(guard.good)
     left = 0
     for i in range(n):
-        s[NEW_X + i], s[NEW_Y + i], s[LONE + i] = s[X + i], s[Y + i], 0.0
+        s[NEW_X + i], s[NEW_Y + i] = s[X + i], s[Y + i]
+        s[LONE + i], s[BY_RATIO + i] = 0.0, 0.0
         todo = (s[SX + i] != 0.0) | (s[SY + i] != 0.0)
         s[TODO + i] = 1.0 if todo else 0.0
         left += 1 if todo else 0
@@ -422,6 +427,8 @@ def guarded_moves(
         if attempt > PRESENT:
             _part_doubts(s, n)
     for i in range(n):
-        if s[LONE + i] > 0.0 or (left <= FEW and s[TODO + i] > 0.0):
+        # Steps that were refused by the ratio and by other guards in turn may be halved further.
+        mixed = 0.0 < s[BY_RATIO + i] < N_HALVED
+        if s[LONE + i] > 0.0 or (s[TODO + i] > 0.0 and (left <= FEW or mixed)):
             s[NEW_X + i], s[NEW_Y + i] = lone_step(star, s, lines, block, guard, i)
     _store(xy, vertices, block.first, n, s, lengths, shares)

@@ -118,7 +118,7 @@ def star_edge_ratio(star: FloatArray, block: Block, i: int, x: float, y: float) 
 
 
 @helper()
-def _allowed_step(
+def _allowed_part(
     star: FloatArray,
     lines: FloatArray,
     block: Block,
@@ -130,29 +130,29 @@ def _allowed_step(
     dy: float,
     good: float,
     least: float,
-) -> tuple[float, float]:
-    """Take the first of the whole step, its half, quarter and eighth that all guards allow."""
+) -> float:
+    """Find the first of 1, a half, a quarter and an eighth of the step that all guards allow."""
     present = np.nan  # the present quality, once it is needed
+    part = 1.0
     for _ in range(HALVINGS + 1):
-        new_x, new_y = x + dx, y + dy
+        new_x, new_y = x + part * dx, y + part * dy
         if (
             (new_x != x or new_y != y)
-            and keeps_clearance(lines, n_lines, i, dx, dy, least)
+            and keeps_clearance(lines, n_lines, i, part * dx, part * dy, least)
             and keeps_corners(star, block, i, x, y, new_x, new_y)
         ):
             if math.isnan(good):
-                return new_x, new_y
+                return part
             enough = good if math.isnan(present) else min(good, present)
             score = star_scaled_jacobian(star, block, i, new_x, new_y)
             if score >= enough:
-                return new_x, new_y
+                return part
             if math.isnan(present):
                 present = star_scaled_jacobian(star, block, i, x, y)
                 if score >= present:
-                    return new_x, new_y
-        dx *= 0.5
-        dy *= 0.5
-    return x, y
+                    return part
+        part *= 0.5
+    return 0.0
 
 
 @helper()
@@ -179,10 +179,10 @@ def lone_step(
     x, y, dx, dy = s[X + i], s[Y + i], s[SX + i], s[SY + i]
     n_lines = 3 * block.n_quads + block.n_triangles if guard.fenced else block.size - block.size
     for _ in range(HALVINGS + 1):
-        new_x, new_y = _allowed_step(
-            star, lines, block, n_lines, i, x, y, dx, dy, guard.good, s[LEAST + i]
-        )
-        if star_edge_ratio(star, block, i, new_x, new_y) <= s[MOST_RATIO + i]:
+        part = _allowed_part(star, lines, block, n_lines, i, x, y, dx, dy, guard.good, s[LEAST + i])
+        new_x, new_y = x + part * dx, y + part * dy
+        if part == 0.0 or star_edge_ratio(star, block, i, new_x, new_y) <= s[MOST_RATIO + i]:
             return new_x, new_y
-        dx, dy = 0.5 * (new_x - x), 0.5 * (new_y - y)
+        # By powers of two alone, so that the bits are those of all lanes together.
+        dx, dy = 0.5 * part * dx, 0.5 * part * dy
     return x, y

@@ -51,14 +51,15 @@ def _arctangent(t: float) -> float:
 
 @lane_helper()
 def arctangent(y: float, x: float) -> float:
-    """Angle of the vector (x, y), in (-π, π]; NaN for one of no length."""
+    """Angle of the vector (x, y), in (-π, π]; 0 for one of no length."""
     ax, ay = abs(x), abs(y)
     small, large = (ay, ax) if ay < ax else (ax, ay)
     steep = small > TAN_EIGHTH * large
     above = small - large if steep else small
     below = small + large if steep else large
+    below = below if large > 0.0 else 1.0
     angle = _arctangent(above / below) + (QUARTER_PI if steep else 0.0)
-    angle = angle if ay < ax else HALF_PI - angle
+    angle = HALF_PI - angle if ay > ax else angle
     angle = math.pi - angle if x < 0.0 else angle
     return -angle if y < 0.0 else angle
 
