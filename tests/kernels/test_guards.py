@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import reference
 from meshes import KINDS, grid, random_mesh
 from qsmooth import Mesh
-from qsmooth.kernels import guards, lanes, lone_guards
+from qsmooth.kernels import clearance, guards, lanes, lone_guards
 from qsmooth.kernels.blocks import LANES, Block, build_blocks
 from qsmooth.kernels.guard_rows import (
     LEAST,
@@ -38,15 +38,15 @@ pytestmark = pytest.mark.nojit
     ],
 )
 def test_tolerated_loss(longest, largest, expected):
-    assert guards.tolerated_loss(longest, largest) == pytest.approx(expected, rel=1e-12)
-    assert guards.tolerated_loss(2.0**40 * longest, 2.0**40 * largest) == pytest.approx(
+    assert clearance.tolerated_loss(longest, largest) == pytest.approx(expected, rel=1e-12)
+    assert clearance.tolerated_loss(2.0**40 * longest, 2.0**40 * largest) == pytest.approx(
         2.0**40 * expected, rel=1e-12
     )
 
 
 @given(st.floats(1e-30, 1e30))
 def test_tolerated_loss_of_a_point_is_16_spacings(largest):
-    assert guards.tolerated_loss(0.0, largest) == 16.0 * math.ulp(largest)
+    assert clearance.tolerated_loss(0.0, largest) == 16.0 * math.ulp(largest)
 
 
 def commit(mesh, step):
@@ -76,7 +76,7 @@ def gathered(mesh, steps=None):
         star, s = np.empty(6 * blocks.largest * LANES), np.full(N_GUARD_ROWS * LANES, np.nan)
         lines = np.empty(ROWS_OF_LINES * blocks.largest * LANES)
         lanes.gather_stars(mesh.xy, blocks.vertices, blocks.stars, block, star, s)
-        guards.guard_lines(star, s, block, lines)
+        clearance.guard_lines(star, s, block, lines)
         first = int(block.first)
         of_block = blocks.vertices[first : first + int(block.size)]
         yield block, of_block.tolist(), star, s, lines

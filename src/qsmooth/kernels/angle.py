@@ -15,7 +15,7 @@ from qsmooth.kernels.guard_rows import (
     SUM_Y,
     WEIGHT,
 )
-from qsmooth.kernels.guards import guarded_moves, smaller, unguarded_moves
+from qsmooth.kernels.guards import guarded_moves, unguarded_moves
 from qsmooth.kernels.lanes import (
     ROW,
     ROW2,
@@ -27,6 +27,7 @@ from qsmooth.kernels.lanes import (
     X,
     Y,
     gather_stars,
+    smaller,
 )
 from qsmooth.kernels.lone_guards import Guard
 from qsmooth.kernels.stars import Moves

@@ -6,6 +6,7 @@ from numba import prange
 from qsmooth._types import FloatArray
 from qsmooth.kernels._jit import helper, lane_helper, parallel_kernel
 from qsmooth.kernels.blocks import LANES, Block, Blocks, block_at
+from qsmooth.kernels.clearance import guard_lines, keep_clearances
 from qsmooth.kernels.guard_rows import (
     FIRST_X,
     KEPT,
@@ -19,14 +20,22 @@ from qsmooth.kernels.guard_rows import (
     SUM_Y,
     WEIGHT,
 )
-from qsmooth.kernels.guards import (
-    guard_lines,
-    guarded_moves,
-    judge_ratios,
-    keep_clearances,
+from qsmooth.kernels.guards import guarded_moves, judge_ratios
+from qsmooth.kernels.lanes import (
+    PX,
+    PY,
+    ROW,
+    ROW2,
+    ROW3,
+    ROW4,
+    ROW6,
+    SX,
+    SY,
+    X,
+    Y,
+    gather_stars,
     larger,
 )
-from qsmooth.kernels.lanes import PX, PY, ROW, ROW2, ROW3, ROW4, ROW6, SX, SY, X, Y, gather_stars
 from qsmooth.kernels.lone_guards import Guard
 from qsmooth.kernels.stars import Moves
 from qsmooth.kernels.trigonometry import arctangent, cosine_and_sine
@@ -123,7 +132,7 @@ def mean_along_circumcircles(
     Parameters
     ----------
     star, s, lines
-        Scratch, as `guards.guard_lines` leaves it; rows SX and SY are overwritten with the means,
+        Scratch, as `clearance.guard_lines` leaves it; SX and SY are overwritten with the means,
         zero where nothing was accepted, and MOST_RATIO with the largest ratios to keep.
     max_edge_ratio, step, power, tolerated
         As in `aspect_ratio_sweep`.

@@ -7,7 +7,7 @@ from qsmooth._types import FloatArray
 from qsmooth.kernels._jit import helper, parallel_kernel
 from qsmooth.kernels.blocks import LANES, Block, Blocks, block_at
 from qsmooth.kernels.guard_rows import N_GUARD_ROWS, SHORTEST, SUM_X, SUM_Y, WEIGHT
-from qsmooth.kernels.guards import guarded_moves, smaller, unguarded_moves
+from qsmooth.kernels.guards import guarded_moves, unguarded_moves
 from qsmooth.kernels.lanes import (
     ROW,
     ROW2,
@@ -20,6 +20,7 @@ from qsmooth.kernels.lanes import (
     X,
     Y,
     gather_stars,
+    smaller,
 )
 from qsmooth.kernels.lone_guards import Guard
 from qsmooth.kernels.stars import Moves

@@ -32,6 +32,18 @@ LEAST_PROMISE = 1e-14
 FRACTIONS = (1.0, 0.4, 0.1)
 
 
+@lane_helper()
+def smaller(a: float, b: float) -> float:
+    """Take the smaller, and b where one is NaN."""
+    return a if a < b else b
+
+
+@lane_helper()
+def larger(a: float, b: float) -> float:
+    """Take the larger, and b where one is NaN."""
+    return a if a > b else b
+
+
 @helper()
 def gather_stars(
     xy: FloatArray,

@@ -10,8 +10,8 @@ from qsmooth.kernels._jit import helper, inlined_helper, parallel_kernel
 from qsmooth.kernels.blocks import LANES, Block, Blocks, block_at
 from qsmooth.kernels.geometry import distance, share
 from qsmooth.kernels.guard_rows import N_GUARD_ROWS, SHORTEST
-from qsmooth.kernels.guards import guarded_moves, smaller
-from qsmooth.kernels.lanes import ROW, ROW2, ROW4, ROW6, SX, SY, X, Y, gather_stars
+from qsmooth.kernels.guards import guarded_moves
+from qsmooth.kernels.lanes import ROW, ROW2, ROW4, ROW6, SX, SY, X, Y, gather_stars, smaller
 from qsmooth.kernels.lone_guards import Guard
 from qsmooth.kernels.stars import Moves, Rings, Stars, Step
 

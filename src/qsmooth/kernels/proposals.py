@@ -31,8 +31,7 @@ from qsmooth.kernels.guard_rows import (
     SUM_Y,
     WEIGHT,
 )
-from qsmooth.kernels.guards import smaller
-from qsmooth.kernels.lanes import ROW, ROW2, ROW3, ROW4, ROW5, ROW6, SX, SY, X, Y
+from qsmooth.kernels.lanes import ROW, ROW2, ROW3, ROW4, ROW5, ROW6, SX, SY, X, Y, smaller
 
 # Rows of the thresholds: by kind of cell. Columns: `Limits`.
 QUAD, TRIANGLE = 0, 1
@@ -234,7 +233,7 @@ def mean_proposals(
     Parameters
     ----------
     star, s, lines
-        Scratch, as `guards.guard_lines` leaves it; rows SX and SY are overwritten with the means,
+        Scratch, as `clearance.guard_lines` leaves it; SX and SY are overwritten with the means,
         zero where nothing was accepted.
     block, cells
         As in `blocks.Blocks`.

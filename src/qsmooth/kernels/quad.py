@@ -6,8 +6,9 @@ from numba import prange
 from qsmooth._types import FloatArray
 from qsmooth.kernels._jit import parallel_kernel
 from qsmooth.kernels.blocks import LANES, Blocks, block_at
+from qsmooth.kernels.clearance import guard_lines
 from qsmooth.kernels.guard_rows import N_GUARD_ROWS, ROWS_OF_LINES
-from qsmooth.kernels.guards import guard_lines, guarded_moves
+from qsmooth.kernels.guards import guarded_moves
 from qsmooth.kernels.lanes import SX, SY, gather_stars
 from qsmooth.kernels.lone_guards import Guard
 from qsmooth.kernels.proposals import mean_proposals
