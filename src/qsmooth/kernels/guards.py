@@ -99,12 +99,8 @@ def _try(star: FloatArray, s: FloatArray, block: Block, fraction: float) -> None
         at = k * ROW6
         for i in range(n):
             px, py = s[PX + i], s[PY + i]
-            ax, ay, bx, by = (
-                star[at + i],
-                star[at + ROW + i],
-                star[at + ROW2 + i],
-                star[at + ROW3 + i],
-            )
+            ax, ay = star[at + i], star[at + ROW + i]
+            bx, by = star[at + ROW2 + i], star[at + ROW3 + i]
             cx, cy = star[at + ROW4 + i], star[at + ROW5 + i]
             ux, uy, wx, wy = ax - px, ay - py, cx - px, cy - py
             ex, ey, fx, fy = bx - ax, by - ay, bx - cx, by - cy
@@ -117,12 +113,8 @@ def _try(star: FloatArray, s: FloatArray, block: Block, fraction: float) -> None
         at = quads * ROW6 + k * ROW4
         for i in range(n):
             px, py = s[PX + i], s[PY + i]
-            ax, ay, cx, cy = (
-                star[at + i],
-                star[at + ROW + i],
-                star[at + ROW2 + i],
-                star[at + ROW3 + i],
-            )
+            ax, ay = star[at + i], star[at + ROW + i]
+            cx, cy = star[at + ROW2 + i], star[at + ROW3 + i]
             ux, uy, wx, wy, ex, ey = ax - px, ay - py, cx - px, cy - py, cx - ax, cy - ay
             u, w = _one_over(ux * ux + uy * uy), _one_over(wx * wx + wy * wy)
             e = _one_over(ex * ex + ey * ey)
@@ -143,12 +135,8 @@ def _ask_no_more(star: FloatArray, s: FloatArray, block: Block) -> None:
     for k in range(block.n_quads):
         at = k * ROW6
         for i in range(n):
-            ax, ay, bx, by = (
-                star[at + i],
-                star[at + ROW + i],
-                star[at + ROW2 + i],
-                star[at + ROW3 + i],
-            )
+            ax, ay = star[at + i], star[at + ROW + i]
+            bx, by = star[at + ROW2 + i], star[at + ROW3 + i]
             cx, cy = star[at + ROW4 + i], star[at + ROW5 + i]
             ex, ey, fx, fy = ax - bx, ay - by, cx - bx, cy - by
             e, f = _one_over(ex * ex + ey * ey), _one_over(fx * fx + fy * fy)

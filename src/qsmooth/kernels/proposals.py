@@ -116,12 +116,8 @@ def _propose(
     """
     for i in range(n):
         x, y = s[X + i], s[Y + i]
-        ux, uy, wx, wy = (
-            star[u + i] - x,
-            star[u + ROW + i] - y,
-            star[w + i] - x,
-            star[w + ROW + i] - y,
-        )
+        ux, uy = star[u + i] - x, star[u + ROW + i] - y
+        wx, wy = star[w + i] - x, star[w + ROW + i] - y
         height, nx, ny = lines[line + i], lines[line + LINE_X + i], lines[line + LINE_Y + i]
         tx, ty = ny, -nx
         length = (wx - ux) * tx + (wy - uy) * ty
