@@ -15,6 +15,8 @@ from qsmooth.kernels.stars import Stars
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from qsmooth.kernels.blocks import Blocks
+
 # Tables hold vertex ids in 32 bits, and keep one for "none".
 LARGEST_COUNT = 2**32 - 2
 
@@ -110,6 +112,7 @@ class Topology:
             is_fixed |= fixed
         self.is_fixed = read_only(is_fixed)
         self._schedules: dict[bool, Stars] = {}
+        self._blocks: dict[bool, Blocks] = {}
         self.keep_orientation()
 
     def keep_orientation(self) -> None:
@@ -214,7 +217,7 @@ class Topology:
         topology.__dict__.update(self.__dict__)
         topology.__dict__.pop("is_interface", None)
         topology.lines = read_only(np.array(lines, np.int64).reshape(-1, 2))
-        topology._schedules = {}
+        topology._schedules, topology._blocks = {}, {}
         return topology
 
     def movable(self, keep_interfaces: bool = True) -> BoolArray:
@@ -231,6 +234,18 @@ class Topology:
         if keep_interfaces not in self._schedules:
             self._schedules[keep_interfaces] = self._make_schedule(self.movable(keep_interfaces))
         return self._schedules[keep_interfaces]
+
+    def blocks(self, stars: Stars) -> Blocks:
+        """Cut a schedule into blocks of lanes, once for those without a selection."""
+        from qsmooth.kernels.blocks import build_blocks
+
+        for keep_interfaces, schedule in self._schedules.items():
+            if schedule is stars:
+                if keep_interfaces not in self._blocks:
+                    self._blocks[keep_interfaces] = build_blocks(stars)
+                return self._blocks[keep_interfaces]
+        made: Blocks = build_blocks(stars)
+        return made
 
     def _make_schedule(self, movable: BoolArray) -> Stars:
         from qsmooth.kernels import colouring

@@ -6,10 +6,14 @@ import numpy as np
 from numba import prange
 
 from qsmooth._types import FloatArray, IndexArray
-from qsmooth.kernels._jit import inlined_helper, parallel_kernel
+from qsmooth.kernels._jit import helper, inlined_helper, parallel_kernel
+from qsmooth.kernels.blocks import LANES, Block, Blocks, block_at
 from qsmooth.kernels.geometry import distance, share
-from qsmooth.kernels.guards import NO_FENCE, centre_of, guarded_move
-from qsmooth.kernels.stars import CHUNK, Moves, Rings, Stars, Step
+from qsmooth.kernels.guard_rows import N_GUARD_ROWS, SHORTEST
+from qsmooth.kernels.guards import guarded_moves
+from qsmooth.kernels.lanes import ROW, ROW2, ROW4, ROW6, SX, SY, X, Y, gather_stars, smaller
+from qsmooth.kernels.lone_guards import Guard
+from qsmooth.kernels.stars import Moves, Rings, Stars, Step
 
 
 @inlined_helper()
@@ -59,11 +63,32 @@ def laplacian_sweep(
         shares[i] = share(lengths[i], shortest)
 
 
+@helper()
+def steps_to_means(star: FloatArray, s: FloatArray, block: Block) -> None:
+    """Fill rows SX, SY and SHORTEST of a block: the steps to the means of the edge neighbours.
+
+    Each edge neighbour of a vertex inside the mesh is the next corner of one of its cells.
+    """
+    n, quads, count = block.size, block.n_quads, block.n_quads + block.n_triangles
+    for i in range(n):
+        s[SX + i], s[SY + i], s[SHORTEST + i] = 0.0, 0.0, np.inf
+    for k in range(count):
+        at = k * ROW6 if k < quads else quads * ROW2 + k * ROW4
+        for i in range(n):
+            dx, dy = star[at + i] - s[X + i], star[at + ROW + i] - s[Y + i]
+            s[SX + i] += dx
+            s[SY + i] += dy
+            s[SHORTEST + i] = smaller(dx * dx + dy * dy, s[SHORTEST + i])
+    for i in range(n):
+        s[SX + i] /= count
+        s[SY + i] /= count
+        s[SHORTEST + i] = np.sqrt(s[SHORTEST + i])
+
+
 @parallel_kernel()
 def smart_laplacian_sweep(
     xy: FloatArray,
-    rings: Rings,
-    stars: Stars,
+    blocks: Blocks,
     colours: tuple[int, int],
     good: float,
     moves: Moves,
@@ -72,19 +97,16 @@ def smart_laplacian_sweep(
 
     Parameters
     ----------
-    rings
-        The edge neighbours of each vertex.
-    xy, stars, colours, good, moves
+    xy, blocks, colours, good, moves
         As in `star.star_sweep`.
     """
-    colour_offsets, vertices, offsets, corners, _, _ = stars
-    ring_offsets, ring_vertices = rings
+    colour_blocks, table, vertices, stars, _, largest = blocks
     lengths, shares = moves.lengths, moves.shares
-    no_lines = np.empty((0, 3))
+    guard = Guard(good, False, False)
     for colour in range(colours[0], colours[1]):
-        start, stop = colour_offsets[colour], colour_offsets[colour + 1]
-        for chunk in prange((stop - start + CHUNK - 1) // CHUNK):
-            for i in range(start + chunk * CHUNK, min(start + (chunk + 1) * CHUNK, stop)):
-                v = centre_of(vertices, offsets, i)
-                wanted = step_to_ring(xy, ring_offsets, ring_vertices, v.v)
-                guarded_move(xy, corners, v, wanted, good, no_lines, NO_FENCE, lengths, shares)
+        for b in prange(colour_blocks[colour], colour_blocks[colour + 1]):
+            s, star = np.empty(N_GUARD_ROWS * LANES), np.empty(6 * largest * LANES)
+            block = block_at(table, b)
+            gather_stars(xy, vertices, stars, block, star, s)
+            steps_to_means(star, s, block)
+            guarded_moves(xy, vertices, block, guard, star, s, s, lengths, shares)

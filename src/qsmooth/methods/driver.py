@@ -6,7 +6,8 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Literal, cast
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 
@@ -21,6 +22,9 @@ from qsmooth.outcome import Aim, Cut, Invalid, Outcome, Stage, Stop
 from qsmooth.result import History, SmoothResult, SweepRecord
 from qsmooth.split import Diagonal, split_quads
 from qsmooth.topology import Topology
+
+if TYPE_CHECKING:
+    from qsmooth.kernels.blocks import Blocks
 
 # Quality has stopped improving when, over this many sweeps, neither the smallest nor the largest
 # angle got better by this many degrees, nor the mean shape by this much.
@@ -76,6 +80,11 @@ class Setting:
     good: float
     selected: BoolArray | None
     aim: Aim = Aim.ALL_CELLS
+
+    @cached_property
+    def blocks(self) -> Blocks:
+        """The movable vertices in blocks of lanes."""
+        return self.topology.blocks(self.stars)
 
     @property
     def n_colours(self) -> int:

@@ -54,7 +54,7 @@ class Laplacian(SweepingMethod):
             from qsmooth.kernels.centroid import centroid_sweep
 
             def to_centroids(xy: FloatArray, _: Colours, moves: Moves) -> None:
-                centroid_sweep(previous, setting.stars, xy, moves)
+                centroid_sweep(previous, setting.blocks, xy, moves)
 
             return Sweep(1, to_centroids, keep)
         from qsmooth.kernels.laplacian import laplacian_sweep
