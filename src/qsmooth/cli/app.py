@@ -26,6 +26,7 @@ from qsmooth.cli.options import Command, with_options
 from qsmooth.cli.quality import quality
 from qsmooth.cli.smooth import smooth
 from qsmooth.cli.untangle import untangle
+from qsmooth.cli.warmup import warmup
 from qsmooth.errors import MeshWarning
 
 if TYPE_CHECKING:
@@ -52,6 +53,7 @@ COMMANDS = (
     Command(info),
     Command(methods),
     Command(demo, _listed, only=("max_sweeps",)),
+    Command(warmup),
 )
 
 
@@ -70,7 +72,7 @@ def run(arguments: Sequence[str]) -> int:
         0 success, 1 a quality gate failed or cells stay invalid, 2 an error, 130 interrupted.
     """
     debug = "--debug" in arguments or os.environ.get("QSMOOTH_DEBUG", "0") not in ("", "0")
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), terminal.told_of_compiling():
         warnings.simplefilter("always", MeshWarning)
         show = warnings.showwarning
 

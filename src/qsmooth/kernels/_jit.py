@@ -10,16 +10,35 @@ from types import FunctionType
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.core import event
 from numba.extending import typeof_impl
+
+from qsmooth.kernels import compiling
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 # Numba has type hints in some versions and none in others.
 _njit: Any = numba.njit
 _config: Any = numba.config
+_layer: Any = numba.threading_layer  # type: ignore[attr-defined, unused-ignore]
 # Python's error model tests every division for zero and so stops vectorisation.
 _COMMON = {"error_model": "numpy"}
 _KERNEL = {**_COMMON, "cache": True, "nogil": True, "no_cfunc_wrapper": True}
+
+
+class _Listener(event.Listener):
+    """Passes on what Numba says of compiling; not of what it finds in its cache."""
+
+    def on_start(self, event: Any) -> None:
+        module = event.data["dispatcher"].py_func.__module__
+        compiling.begin(of_ours=module.startswith("qsmooth."))
+
+    def on_end(self, event: Any) -> None:
+        compiling.end()
+
+
+_register: Any = event.register
+_register("numba:compile", _Listener())
 
 
 class Helper:
@@ -116,7 +135,7 @@ class _Pool:
     def layer(self) -> str:
         """Numba's threading layer; nothing before its first use."""
         try:
-            return str(numba.threading_layer())
+            return str(_layer())
         except ValueError:
             return ""
 
