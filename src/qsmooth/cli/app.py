@@ -6,6 +6,7 @@ Numba, meshio and matplotlib are loaded inside the commands, so that ``--help`` 
 from __future__ import annotations
 
 import contextlib
+import gc
 import os
 import sys
 import traceback
@@ -57,9 +58,15 @@ COMMANDS = (
 )
 
 
+# New objects before garbage is looked for. Modules and cached kernels make some 200,000, all of which
+# stay; by Python's own threshold going through them again and again is a tenth of a short call.
+OBJECTS = 300_000
+
+
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run the command line and leave the interpreter with its exit code."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
+    gc.set_threshold(OBJECTS)
     sys.exit(run(arguments))
 
 
