@@ -58,8 +58,8 @@ COMMANDS = (
 )
 
 
-# New objects before garbage is looked for. Modules and cached kernels make some 200,000, all of which
-# stay; by Python's own threshold going through them again and again is a tenth of a short call.
+# New objects before garbage is looked for. Modules and cached kernels make some 200,000, all of
+# which stay; by Python's own threshold going through them over and over is a tenth of a short call.
 OBJECTS = 300_000
 
 
