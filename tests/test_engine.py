@@ -106,3 +106,10 @@ def test_the_choice_follows_the_machine(monkeypatch):
     counts, _ = swept(monkeypatch, 600, seconds)
     assert counts[200:300].count(2) <= 3
     assert counts[500:].count(2) > 90
+
+
+def test_a_trial_that_was_quicker_by_chance_costs_a_sweep(monkeypatch):
+    counts, _ = swept(
+        monkeypatch, 60, lambda count, n: 0.9 if n == 3 else 1.0 if count == 1 else 15.0
+    )
+    assert counts[:6] == [1, 1, 2, 2, 1, 1]

@@ -22,6 +22,8 @@ SHARE = 5_000
 FIRST_TRIAL = 3
 TRIAL_EVERY = 25
 MOST_LOST = 0.05
+# On several threads a sweep that takes so many times what one thread took is the last one.
+TOO_LONG = 1.5
 
 
 class Engine(Protocol):
@@ -77,7 +79,8 @@ class Quickest:
     def __init__(self, count: int) -> None:
         self.count, self.others = 1, count
         self._wait = FIRST_TRIAL
-        self._before = self._total = self._lost = 0.0
+        # Seconds: the last sweep, the quicker of two, one on one thread, all, and what trials cost.
+        self._last = self._usual = self._single = self._total = self._lost = 0.0
 
     @contextlib.contextmanager
     def running(self) -> Iterator[None]:
@@ -92,15 +95,23 @@ class Quickest:
         self._wait -= 1
         trial = self._wait <= 0 and self._lost <= MOST_LOST * self._total
         seconds = self._timed(self.others if trial else self.count, sweep, n_colours)
-        if not trial:
-            self._before = seconds
-        elif seconds < self._before:
-            self.count, self.others = self.others, self.count
-            self._before, self._wait = seconds, TRIAL_EVERY
-        else:
-            self._lost += seconds - self._before
+        if trial and seconds < self._usual:
+            self._single = self._usual
+            self._exchange(seconds)
+        elif trial:
+            self._lost += seconds - self._usual
             # The first sweep on several threads starts them: it has a second chance at once.
             self._wait = TRIAL_EVERY if self._wait < 0 or self.count > 1 else 0
+        elif self.count > 1 and seconds > TOO_LONG * self._single:
+            self._lost += seconds - self._single
+            self._exchange(self._single)
+        else:
+            self._last, self._usual = seconds, min(seconds, self._last)
+
+    def _exchange(self, seconds: float) -> None:
+        self.count, self.others = self.others, self.count
+        self._last = self._usual = seconds
+        self._wait = TRIAL_EVERY
 
     def _timed(self, count: int, sweep: Callable[[Colours], None], n_colours: int) -> float:
         from qsmooth.kernels._jit import use_threads
