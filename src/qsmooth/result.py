@@ -88,7 +88,7 @@ class SmoothResult:
         Quality of the input and of the result.
     seconds
         Time of the sweeps, and of the looks between them by which the optimiser goes on; without
-        callbacks, reading and checking.
+        callbacks, reading, checking and the compiling of kernels.
     """
 
     mesh: Mesh

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from qsmooth._types import BlockArray, FloatArray, IndexArray, TableArray
-from qsmooth.kernels._jit import inlined_helper, kernel
+from qsmooth.kernels._jit import helper, inlined_helper, kernel
 from qsmooth.kernels.corner_energy import EQUILATERAL, SQUARE
 from qsmooth.kernels.stars import NO_VERTEX, Stars
 
@@ -114,6 +114,27 @@ def lane_row(k: int) -> Any:
     return np.uint64(k * LANES)
 
 
+@helper()
+def _in_order(kind: IndexArray, colour_offsets: IndexArray, largest: int) -> IndexArray:
+    """Order vertices by make-up within each colour: by counting, triangles before quads."""
+    rows, spare = np.arange(kind.size), np.empty(kind.size, np.int64)
+    counts = np.empty(largest + 2, np.int64)
+    for shift in (0, 32):
+        for colour in range(colour_offsets.size - 1):
+            start, stop = colour_offsets[colour], colour_offsets[colour + 1]
+            counts[:] = 0
+            for i in range(start, stop):
+                counts[(kind[i] >> shift & 0xFFFFFFFF) + 1] += 1
+            for k in range(largest + 1):
+                counts[k + 1] += counts[k]
+            for i in range(start, stop):
+                k = kind[rows[i]] >> shift & 0xFFFFFFFF
+                spare[start + counts[k]] = rows[i]
+                counts[k] += 1
+        rows, spare = spare, rows
+    return rows
+
+
 @kernel()
 def build_blocks(stars: Stars) -> Blocks:
     """Cut coloured vertices into blocks of equal stars.
@@ -133,14 +154,12 @@ def build_blocks(stars: Stars) -> Blocks:
         kind[i] = (quads << 32) | triangles
         n_entries += 3 * quads + 2 * triangles
     n_colours = colour_offsets.size - 1
-    rows = np.empty(n, np.int64)
+    rows = _in_order(kind, colour_offsets, stars.largest)
     n_blocks = 0
     for colour in range(n_colours):
         start, stop = colour_offsets[colour], colour_offsets[colour + 1]
-        order = np.argsort(kind[start:stop], kind="mergesort")
         size = 0
         for i in range(start, stop):
-            rows[i] = start + order[i - start]
             if size == LANES or (i > start and kind[rows[i]] != kind[rows[i - 1]]):
                 n_blocks += 1
                 size = 0

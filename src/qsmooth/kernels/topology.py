@@ -318,19 +318,15 @@ def rings(
                 fill[v] += 1
                 vertices[fill[w]] = v
                 fill[w] += 1
-    for v in range(n_vertices):
-        first, last = offsets[v], offsets[v + 1]
-        if last - first > 24:  # a hub: sorting by insertion would be quadratic
-            vertices[first:last] = np.sort(vertices[first:last])
-            continue
-        for s in range(first + 1, last):
-            w = vertices[s]
-            t = s
-            while t > first and vertices[t - 1] > w:
-                vertices[t] = vertices[t - 1]
-                t -= 1
-            vertices[t] = w
-    return offsets, vertices
+    # Neighbours come in ascending order where each vertex, in order, enters its neighbours' rows.
+    fill = offsets[:-1].copy()
+    ordered = np.empty_like(vertices)
+    for w in range(n_vertices):
+        for k in range(offsets[w], offsets[w + 1]):
+            v = vertices[k]
+            ordered[fill[v]] = w
+            fill[v] += 1
+    return offsets, ordered
 
 
 @kernel()

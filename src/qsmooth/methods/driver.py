@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -13,6 +12,7 @@ import numpy as np
 
 from qsmooth._types import BoolArray, FloatArray
 from qsmooth.engine import Colours, Engine, threads_for
+from qsmooth.kernels.compiling import clock
 from qsmooth.kernels.stars import Moves, Stars
 from qsmooth.mesh import Mesh
 from qsmooth.methods.base import Method
@@ -228,10 +228,10 @@ class _Run:
         first, seconds = len(self.history), self.seconds
         self.stop = None
         while self.stop is None and len(self.history) < first + n_sweeps:
-            started = time.perf_counter()
+            started = clock()
             sweep.prepare(self.xy)
             engine.run(lambda colours: sweep.move(self.xy, colours, moves), sweep.n_colours)
-            self.seconds += time.perf_counter() - started
+            self.seconds += clock() - started
             self.history.append(record(Quality(self.topology, self.xy), *moves))
             if self.method.callback is not None:
                 self.method.callback(self.history[-1])

@@ -11,6 +11,7 @@ import numpy as np
 
 from qsmooth._types import FloatArray, IndexArray
 from qsmooth.adapters import to_mesh
+from qsmooth.checks import read_only
 from qsmooth.metrics.histogram import count_by_bins
 from qsmooth.metrics.registry import METRICS, find_metric, parse_metrics, unknown
 from qsmooth.metrics.summary import Summary, WorstCells
@@ -59,7 +60,8 @@ class Quality:
     def __init__(
         self, topology: Topology, xy: FloatArray, points: FloatArray | None = None
     ) -> None:
-        self.topology, self.xy = topology, xy
+        # Read-only, whoever has it, as kernels are compiled once more for arrays that are not.
+        self.topology, self.xy = topology, read_only(xy)
         self.points = xy if points is None else points
         self._values: dict[str, FloatArray] = {}
 
@@ -125,7 +127,7 @@ class Quality:
         corners = [vertices[offsets[c] : offsets[c + 1]] for c in cells]
         sizes = np.cumsum([0, *map(len, corners)])
         low, high = np.empty(len(corners)), np.empty(len(corners))
-        angles(self.xy, sizes, np.concatenate(corners), low, high)
+        angles(self.xy, read_only(sizes), read_only(np.concatenate(corners)), low, high)
         return low, high
 
     def know(
