@@ -212,11 +212,15 @@ class Mesh:
     def with_xy(self, xy: FloatArray, moved: BoolArray) -> Mesh:
         """Put the `moved` vertices, (n,) bool, at `xy`; the others keep their bits.
 
+        Where none has moved it is this mesh.
+
         Parameters
         ----------
         xy : (n, 2)
             Finite coordinates in the plane of the mesh; not checked.
         """
+        if not moved.any():
+            return self
         points = self._points.copy()
         if self._plane is None:
             points[moved, :2] = xy[moved]

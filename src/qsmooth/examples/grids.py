@@ -226,4 +226,5 @@ def _scaled_jacobian(mesh: Mesh) -> FloatArray:
 
     out = np.empty((N_FIGURES, mesh.n_cells))
     cell_figures(mesh.xy, *mesh.topology.cells, out, np.empty(n_chunks(mesh.n_cells)))
-    return out[SCALED_JACOBIAN]
+    score: FloatArray = out[SCALED_JACOBIAN]
+    return score

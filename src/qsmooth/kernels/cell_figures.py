@@ -27,6 +27,7 @@ from qsmooth.kernels.cell_lanes import (
     gather_cells,
     look_at_quads,
     look_at_triangles,
+    store_lanes,
 )
 from qsmooth.kernels.geometry import TRIANGLE_SCALE
 
@@ -34,8 +35,10 @@ from qsmooth.kernels.geometry import TRIANGLE_SCALE
 MIN_ANGLE, MAX_ANGLE, ASPECT_RATIO, SCALED_JACOBIAN, SHAPES, AREA = range(6)
 N_FIGURES = 6
 # Rows of lanes after those of `look_at_quads`.
-RATIO, SINE, SIZE = (lane_row(k) for k in range(4, 7))
-N_ROWS = 7
+RATIO, SINE, SIZE, DOUBT = (lane_row(k) for k in range(4, 8))
+N_ROWS = 8
+# Where the figures are, in their order.
+ROWS = LOW, HIGH, RATIO, SINE, SHAPE, SIZE
 
 
 @helper()
@@ -82,24 +85,6 @@ def _measure_triangles(p: FloatArray, n: int, s: FloatArray) -> None:
         s[SINE + i] = min(min(a, b), c) * TRIANGLE_SCALE + lost
 
 
-@helper()
-def _store(s: FloatArray, cells: IndexArray, n: int, out: FloatArray) -> None:
-    """Write the rows of lanes to the cells' places."""
-    for i in range(n):
-        s[LOW + i], s[HIGH + i] = degrees_of(s[LOW + i]), degrees_of(s[HIGH + i])
-    gapless = cells[n - 1] - cells[0] == n - 1
-    rows = LOW, HIGH, RATIO, SINE, SHAPE, SIZE
-    for k in range(N_FIGURES):
-        figures, row = out[k], rows[k]
-        if gapless:
-            first = np.uint64(cells[0])
-            for i in range(n):
-                figures[first + np.uint64(i)] = s[row + np.uint64(i)]
-        else:
-            for i in range(n):
-                figures[cells[i]] = s[row + np.uint64(i)]
-
-
 @parallel_kernel()
 def cell_figures(
     xy: FloatArray,
@@ -144,7 +129,8 @@ def cell_figures(
     for chunk in prange(doubtful.size):
         cells = np.empty(LANES, np.int64)
         p, s = np.empty(N_PLACES * LANES), np.empty(N_ROWS * LANES)
-        doubt = 0.0
+        for i in range(LANES):
+            s[DOUBT + i] = 0.0
         start, stop = chunk * CELLS_A_CHUNK, min((chunk + 1) * CELLS_A_CHUNK, n_cells)
         for first in range(start, stop, LANES):
             last = min(first + LANES, stop)
@@ -160,9 +146,14 @@ def cell_figures(
                     look_at_triangles(p, n, s)
                     _measure_triangles(p, n, s)
                 for i in range(n):
-                    doubt += 1.0 - s[SURE + i]
-                _store(s, cells, n, out)
+                    s[LOW + i], s[HIGH + i] = degrees_of(s[LOW + i]), degrees_of(s[HIGH + i])
+                    s[DOUBT + i] += 1.0 - s[SURE + i]
+                for k in range(N_FIGURES):
+                    store_lanes(s, ROWS[k], cells, n, out[k])
                 left -= n
                 if left == 0:
                     break
+        doubt = 0.0
+        for i in range(LANES):
+            doubt += s[DOUBT + i]
         doubtful[chunk] = doubt

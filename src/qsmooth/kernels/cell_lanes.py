@@ -85,10 +85,10 @@ def store_lanes(s: FloatArray, row: int, cells: IndexArray, n: int, out: FloatAr
     first = np.uint64(cells[0])
     if cells[n - 1] - cells[0] == n - 1:  # without gaps, as in a block of one kind
         for i in range(n):
-            out[first + np.uint64(i)] = s[row + i]
+            out[first + np.uint64(i)] = s[row + np.uint64(i)]
     else:
         for i in range(n):
-            out[cells[i]] = s[row + i]
+            out[cells[i]] = s[row + np.uint64(i)]
 
 
 @lane_helper()
@@ -192,7 +192,7 @@ def degrees_of(diamond: float) -> float:
     a = ATAN
     odd = z * (a[0] + w * (a[2] + w * (a[4] + w * (a[6] + w * (a[8] + w * a[10])))))
     even = w * (a[1] + w * (a[3] + w * (a[5] + w * (a[7] + w * a[9]))))
-    return (90.0 * quarter + start) + DEGREES * (x - x * (odd + even))
+    return float((90.0 * quarter + start) + DEGREES * (x - x * (odd + even)))
 
 
 @kernel()

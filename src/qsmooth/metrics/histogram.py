@@ -10,7 +10,6 @@ import numpy as np
 
 from qsmooth._types import FloatArray
 
-
 # Values that are counted at one go.
 PIECE = 16_384
 
@@ -55,8 +54,8 @@ class Histogram:
 
 def count_by_bins(values: FloatArray, edges: Sequence[float]) -> Histogram:
     """Count values by bin."""
-    # A look at all values for each edge is quicker than a search for each value; in pieces that stay
-    # in cache. Not to be below is what NaN is, too: it counts at the end.
+    # To look at all values for each edge, in pieces that stay in cache, is quicker than to search
+    # for each value. NaN is below no edge and counts at the end.
     at_least = np.zeros(len(edges) - 2, np.int64)
     for first in range(0, values.size, PIECE):
         piece = values[first : first + PIECE]

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from enum import IntEnum
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -39,18 +38,9 @@ class Validity(IntEnum):
 FIGURES = "min_angle", "max_angle", "aspect_ratio", "scaled_jacobian", "shape", "area"
 
 
-# What is measured of a mesh, for as long as somebody holds it: it keeps the arrays that it is of, so
-# that none else can have their identity.
+# What is measured of a mesh, for as long as somebody holds it: it keeps the arrays that it is of,
+# so that no others can have their identity.
 _measured: WeakValueDictionary[tuple[int, int, int], Quality] = WeakValueDictionary()
-
-
-class _Glance(NamedTuple):
-    """The figures of a mesh that need no array of those of its cells."""
-
-    min_angle: float
-    max_angle: float
-    mean_shape: float
-    doubtful: int
 
 
 class Quality:
@@ -86,8 +76,10 @@ class Quality:
         self.points = xy if points is None else points
         self._values: dict[str, FloatArray] = {}
         self._figures: dict[str, FloatArray] = {}
-        self._diamonds: tuple[FloatArray, FloatArray] | None = None
-        # Cells that are not valid, or not so beyond rounding, as far as they have been counted.
+        # Extreme angles, and the smallest of each cell, in the measure of `kernels.cell_lanes`; and
+        # how many cells are not valid, or not so beyond rounding: as far as they are known.
+        self._extremes: tuple[float, float] | None = None
+        self._low_diamonds: FloatArray | None = None
         self._doubtful: int | None = None
 
     def __repr__(self) -> str:
@@ -126,19 +118,19 @@ class Quality:
         self._doubtful = int(doubtful.sum())
         self._figures.update(zip(FIGURES, read_only(out), strict=True))
 
-    @cached_property
-    def _glance(self) -> _Glance:
+    def _glance(self) -> None:
+        """Measure what is asked after every sweep, quicker than all figures are."""
         from qsmooth.kernels.cell_lanes import n_chunks
         from qsmooth.kernels.glance import N_COLUMNS, glance
 
         n_cells = self.topology.n_cells
-        out = np.empty((n_chunks(n_cells), N_COLUMNS))
-        glance(self.xy, *self.topology.cells, out)
-        total, doubtful = out[:, 2:].sum(axis=0).tolist()
-        low, high = math.nan, math.nan
-        if not math.isnan(total):  # else a coordinate is NaN
-            low, high = _in_degrees([out[:, 0].min(), out[:, 1].max()])
-        return _Glance(low, high, total / n_cells, int(doubtful))
+        shape, out = np.empty(n_cells), np.empty((n_chunks(n_cells), N_COLUMNS))
+        glance(self.xy, *self.topology.cells, shape, out)
+        self._figures.setdefault("shape", read_only(shape))
+        self._doubtful = int(out[:, 2].sum())
+        # Where a coordinate is NaN its cells' shapes are, and the angles only those of the others.
+        lost = 0.0 * float(shape.sum())
+        self._extremes = float(out[:, 0].min()) + lost, float(out[:, 1].max()) + lost
 
     @property
     def angles(self) -> tuple[FloatArray, FloatArray]:
@@ -153,31 +145,28 @@ class Quality:
     @cached_property
     def extreme_angles(self) -> tuple[float, float]:
         """Smallest and largest angle of the mesh, degrees; quicker than by way of all cells'."""
-        if "min_angle" in self._figures:
-            smallest, largest = self.angles
-            return float(smallest.min()), float(largest.max())
-        if self._diamonds is None:
-            return self._glance.min_angle, self._glance.max_angle
-        smallest, largest = self._diamonds
-        low, high = _in_degrees([smallest.min(), largest.max()])
+        if self._extremes is None:
+            self._glance()
+        low, high = _in_degrees(self._extremes)
         return low, high
+
+    @property
+    def mean_shape(self) -> float:
+        """Mean of the cells' shape; quicker than by way of all figures."""
+        if "shape" not in self._figures:
+            self._glance()
+        return float(self._figures["shape"].mean())
 
     def low_angle(self, percent: float) -> float:
         """Percentile of the cells' smallest angles, degrees."""
-        smallest = self.angles[0] if self._diamonds is None else self._diamonds[0]
+        smallest = self.angles[0] if self._low_diamonds is None else self._low_diamonds
         place = percent / 100.0 * (smallest.size - 1)
         at = min(int(place), max(smallest.size - 2, 0))
         ends = [at, min(at + 1, smallest.size - 1)]
         low, high = np.partition(smallest, ends)[ends].tolist()
-        if self._diamonds is not None:
+        if self._low_diamonds is not None:
             low, high = _in_degrees([low, high])
         return float(low + (place - at) * (high - low))
-
-    @property
-    def mean_shape(self) -> float:
-        """Mean of the cells' shape; quicker than by way of all cells'."""
-        known = self._figures.get("shape")
-        return self._glance.mean_shape if known is None else float(known.mean())
 
     def know(
         self,
@@ -192,15 +181,17 @@ class Quality:
         Diamonds are smallest and largest angles in the measure of `kernels.cell_lanes`.
         """
         self._figures.update(shape=read_only(shape), area=read_only(area))
-        self._diamonds = diamonds
+        self._low_diamonds = diamonds[0]
+        self._extremes = float(diamonds[0].min()), float(diamonds[1].max())
         if valid:
             self._doubtful = 0
 
     @property
     def _all_valid(self) -> bool:
         """Whether all cells are valid beyond rounding; False when unsure."""
-        doubtful = self._glance.doubtful if self._doubtful is None else self._doubtful
-        return doubtful == 0
+        if self._doubtful is None:
+            self._glance()
+        return self._doubtful == 0
 
     @cached_property
     def validity(self) -> IndexArray:
@@ -324,7 +315,7 @@ def quality(mesh: Any) -> Quality:
     return found
 
 
-def _in_degrees(diamonds: Sequence[float]) -> list[float]:
+def _in_degrees(diamonds: Sequence[float] | None) -> list[float]:
     from qsmooth.kernels.cell_lanes import in_degrees
 
     out = np.array(diamonds)
