@@ -16,7 +16,7 @@ from qsmooth.kernels.stars import CHUNK, Moves, Rings, Stars, Step
 
 # The grain of the parallel loop over blocks of rings.
 BLOCKS_A_CHUNK = 16
-# Rows of lanes: where a vertex is, the sum of its steps to its neighbours, its shortest one squared.
+# Rows of lanes: where a vertex is, the sum of the ways to its neighbours, the shortest squared.
 X, Y, DX, DY, SHORTEST = (lane_row(k) for k in range(5))
 N_ROWS = 5
 ONE: Any = np.uint64(1)

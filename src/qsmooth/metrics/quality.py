@@ -225,12 +225,11 @@ class Quality:
         """
         names = parse_metrics(metrics)
         area = float(self.area.sum())
-        sizes = self.topology.cell_sizes
-        n_quads = int(np.count_nonzero(sizes == 4))
-        kinds = np.array([sizes.min(), sizes.max()])  # all that bins depend on
+        n_cells, n_quads = self.topology.n_cells, self.topology.n_quads
+        kinds = np.array([4] * (n_quads > 0) + [3] * (n_cells > n_quads))  # what bins depend on
         invalid = self.validity[self.validity != Validity.VALID] if self.n_invalid else []
         classes = np.bincount(invalid, minlength=len(Validity))
-        classes[Validity.VALID] = sizes.size - classes.sum()
+        classes[Validity.VALID] = n_cells - classes.sum()
         worst, mean, histograms = {}, {}, {}
         for name in names:
             metric = METRICS[name]
@@ -241,7 +240,7 @@ class Quality:
         return Summary(
             n_vertices=self.topology.n_vertices,
             n_quads=n_quads,
-            n_triangles=sizes.size - n_quads,
+            n_triangles=n_cells - n_quads,
             area=area,
             worst=worst,
             mean=mean,
