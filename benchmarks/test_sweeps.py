@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from meshes import rough_grid
-from qsmooth import Mesh
+from qsmooth import Mesh, Quality
 from qsmooth.kernels import angle, aspect_ratio, centroid, laplacian, quad, star
 from qsmooth.kernels._jit import use_threads
 from qsmooth.kernels.proposals import thresholds
+from qsmooth.kernels.ring_blocks import build_ring_blocks
 from qsmooth.kernels.stars import Moves, Rings
+from qsmooth.methods.driver import record
 from qsmooth.split import split_quads
 
 pytestmark = pytest.mark.benchmark(group="sweeps")
@@ -46,7 +48,8 @@ def guarded_commit(c, good):
 
 
 def laplacian_sweep(c, good):
-    return laplacian.laplacian_sweep, (c.mesh.xy, c.rings, c.stars, c.xy, c.moves)
+    blocks = build_ring_blocks(np.sort(c.stars.vertices), c.rings)
+    return laplacian.laplacian_sweep, (c.mesh.xy, blocks, c.xy, c.moves)
 
 
 def smart_laplacian_sweep(c, good):
@@ -118,3 +121,50 @@ def test_on_triangles(benchmark, note, triangles, sweep, threads):
 @pytest.mark.parametrize("sweep", [star_sweep, guarded_commit], ids=lambda s: s.__name__)
 def test_with_the_clearance_guard_alone(benchmark, note, mesh, sweep):
     run(benchmark, note, mesh, sweep, 1, "clearance")
+
+
+@pytest.fixture
+def of_four(mesh):
+    """The movable vertices of a mesh of quads, with four neighbours each."""
+    return Case(mesh)
+
+
+@pytest.mark.benchmark(group="laplacian")
+def test_laplacian(benchmark, note, put_rate, of_four):
+    kernel, arguments = laplacian_sweep(of_four, math.nan)
+    note(of_four.mesh)
+    kernel(*arguments)
+    benchmark(kernel, *arguments)
+    # Five ids of 32 bits; a place read and one written, which is read first; two more figures.
+    moved = 5 * 4 + 3 * 16 + 2 * 2 * 8
+    put_rate("vertex", of_four.stars.vertices.size, moved=moved, operations=4 * 8 + 12)
+
+
+@pytest.mark.benchmark(group="laplacian")
+def test_laplacian_and_record(benchmark, note, put_rate, of_four):
+    kernel, arguments = laplacian_sweep(of_four, math.nan)
+    note(of_four.mesh)
+
+    def sweep():
+        kernel(*arguments)
+        return record(Quality(of_four.mesh.topology, of_four.xy), *of_four.moves)
+
+    sweep()
+    benchmark(sweep)
+    moved = 5 * 4 + 3 * 16 + 2 * 2 * 8 + 40 + 16 + 4 * 8
+    put_rate("vertex", of_four.stars.vertices.size, moved=moved, operations=4 * 8 + 12 + 130)
+
+
+@pytest.mark.benchmark(group="laplacian")
+def test_laplacian_as_a_sparse_product(benchmark, note, put_rate, of_four):
+    sparse = pytest.importorskip("scipy.sparse")
+    offsets, neighbours = of_four.rings
+    counts = np.diff(offsets)
+    weights = np.repeat(1.0 / np.maximum(counts, 1), counts)
+    shape = (counts.size, counts.size)
+    mean = sparse.csr_matrix(
+        (weights, neighbours.astype(np.int32), offsets.astype(np.int32)), shape
+    )
+    note(of_four.mesh)
+    benchmark(lambda: mean @ of_four.xy)
+    put_rate("vertex", counts.size, moved=4 * 12 + 4 + 3 * 16, operations=4 * 4)

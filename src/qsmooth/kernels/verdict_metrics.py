@@ -47,6 +47,13 @@ def _is_convex(xy: FloatArray, cell_vertices: IndexArray, first: int, last: int)
 
 
 @helper()
+def _square(xy: FloatArray, a: int, b: int) -> float:
+    """Square of the length of the edge from a to b."""
+    ux, uy = xy[b, 0] - xy[a, 0], xy[b, 1] - xy[a, 1]
+    return ux * ux + uy * uy
+
+
+@helper()
 def _edge_sums(
     xy: FloatArray, cell_vertices: IndexArray, first: int, last: int
 ) -> tuple[float, float, float]:
@@ -202,7 +209,7 @@ def taper(
             continue
         convex = _is_convex(xy, cell_vertices, first, last)
         ux, uy, wx, wy, x, y = _principal_axes(xy, cell_vertices, first)
-        shorter = min(math.sqrt(ux * ux + uy * uy), math.sqrt(wx * wx + wy * wy))
+        shorter = math.sqrt(min(ux * ux + uy * uy, wx * wx + wy * wy))
         cross = math.sqrt(x * x + y * y)
         out[c] = cross / shorter if convex else np.inf
 
@@ -230,14 +237,13 @@ def stretch(
             out[c] = np.nan
             continue
         convex = _is_convex(xy, cell_vertices, first, last)
-        shortest, _, _ = _edge_sums(xy, cell_vertices, first, last)
         a, b = cell_vertices[first], cell_vertices[first + 1]
         d, e = cell_vertices[first + 2], cell_vertices[first + 3]
-        diagonal = max(
-            distance(xy[a, 0], xy[a, 1], xy[d, 0], xy[d, 1]),
-            distance(xy[b, 0], xy[b, 1], xy[e, 0], xy[e, 1]),
+        edge = min(
+            min(_square(xy, a, b), _square(xy, b, d)), min(_square(xy, d, e), _square(xy, e, a))
         )
-        out[c] = ROOT_2 * shortest / diagonal if convex else 0.0
+        diagonal = max(_square(xy, a, d), _square(xy, b, e))
+        out[c] = ROOT_2 * math.sqrt(edge) / math.sqrt(diagonal) if convex else 0.0
 
 
 @parallel_kernel()
