@@ -50,24 +50,23 @@ def _is_convex(xy: FloatArray, cell_vertices: IndexArray, first: int, last: int)
 def _square(xy: FloatArray, a: int, b: int) -> float:
     """Square of the length of the edge from a to b."""
     ux, uy = xy[b, 0] - xy[a, 0], xy[b, 1] - xy[a, 1]
-    return ux * ux + uy * uy
+    return float(ux * ux + uy * uy)
 
 
 @helper()
 def _edge_sums(
     xy: FloatArray, cell_vertices: IndexArray, first: int, last: int
-) -> tuple[float, float, float]:
-    """Shortest edge, longest edge and perimeter of one cell."""
-    shortest, longest, perimeter = np.inf, 0.0, 0.0
+) -> tuple[float, float]:
+    """Longest edge and perimeter of one cell."""
+    longest, perimeter = 0.0, 0.0
     a = cell_vertices[last - 1]
     for k in range(first, last):
         b = cell_vertices[k]
         length = distance(xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1])
-        shortest = np.minimum(shortest, length)
         longest = np.maximum(longest, length)
         perimeter += length
         a = b
-    return float(shortest), float(longest), perimeter
+    return float(longest), perimeter
 
 
 @helper()
@@ -112,7 +111,7 @@ def verdict_aspect_ratio(
     for c in prange(out.size):
         first, last = cell_offsets[c], cell_offsets[c + 1]
         area = _cell_area(xy, cell_vertices, first, last)
-        _, longest, perimeter = _edge_sums(xy, cell_vertices, first, last)
+        longest, perimeter = _edge_sums(xy, cell_vertices, first, last)
         scale = 4.0 if last - first == 4 else 4.0 * ROOT_3
         out[c] = longest * perimeter / (scale * area) if area > 0.0 else np.inf
 
