@@ -245,8 +245,10 @@ def rings(
     """
     offsets = np.zeros(n_vertices + 1, np.int64)
     _count_neighbours(cell_offsets, cell_vertices, twins, offsets)
-    vertices = np.empty(offsets[-1], np.int64)
-    _fill_rings(cell_offsets, cell_vertices, twins, offsets, offsets[:-1].copy(), vertices)
+    unsorted, vertices = np.empty(offsets[-1], np.int64), np.empty(offsets[-1], np.int64)
+    _fill_rings(cell_offsets, cell_vertices, twins, offsets[:-1].copy(), unsorted)
+    # Neighbours come in ascending order where each vertex, in order, enters its neighbours' rows.
+    _enter_rows(offsets, unsorted, offsets[:-1].copy(), vertices)
     return offsets, vertices
 
 
@@ -270,7 +272,6 @@ def _fill_rings(
     cell_offsets: IndexArray,
     cell_vertices: IndexArray,
     twins: IndexArray,
-    offsets: IndexArray,
     fill: IndexArray,
     vertices: IndexArray,
 ) -> None:
@@ -284,18 +285,17 @@ def _fill_rings(
                 fill[v] += 1
                 vertices[fill[w]] = v
                 fill[w] += 1
-    for v in range(fill.size):
-        first, last = offsets[v], offsets[v + 1]
-        if last - first > 24:  # a hub: sorting by insertion would be quadratic
-            vertices[first:last] = np.sort(vertices[first:last])
-            continue
-        for s in range(first + 1, last):
-            w = vertices[s]
-            t = s
-            while t > first and vertices[t - 1] > w:
-                vertices[t] = vertices[t - 1]
-                t -= 1
-            vertices[t] = w
+
+
+@kernel()
+def _enter_rows(
+    offsets: IndexArray, unsorted: IndexArray, fill: IndexArray, vertices: IndexArray
+) -> None:
+    for w in range(fill.size):
+        for k in range(offsets[w], offsets[w + 1]):
+            v = unsorted[k]
+            vertices[fill[v]] = w
+            fill[v] += 1
 
 
 @kernel()

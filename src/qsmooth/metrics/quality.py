@@ -38,9 +38,9 @@ class Validity(IntEnum):
 FIGURES = "min_angle", "max_angle", "aspect_ratio", "scaled_jacobian", "shape", "area"
 
 
-# What is measured of a mesh, for as long as somebody holds it: it keeps the arrays that it is of,
-# so that no others can have their identity.
-_measured: WeakValueDictionary[tuple[int, int, int], Quality] = WeakValueDictionary()
+# What is measured of a mesh, for as long as somebody holds it: it keeps the topology and the points
+# that it is of, so that no others can have their identity.
+_measured: WeakValueDictionary[tuple[int, int], Quality] = WeakValueDictionary()
 
 
 class Quality:
@@ -72,7 +72,8 @@ class Quality:
     def __init__(
         self, topology: Topology, xy: FloatArray, points: FloatArray | None = None
     ) -> None:
-        self.topology, self.xy = topology, xy
+        # Read-only, whoever has it, as kernels are compiled once more for arrays that are not.
+        self.topology, self.xy = topology, read_only(xy)
         self.points = xy if points is None else points
         self._values: dict[str, FloatArray] = {}
         self._figures: dict[str, FloatArray] = {}
@@ -307,7 +308,7 @@ def quality(mesh: Any) -> Quality:
         If a pair is no mesh.
     """
     mesh = to_mesh(mesh)
-    key = id(mesh.topology), id(mesh.xy), id(mesh.points)
+    key = id(mesh.topology), id(mesh.points)
     found = _measured.get(key)
     if found is None:
         found = _measured[key] = Quality(mesh.topology, mesh.xy, mesh.points)
