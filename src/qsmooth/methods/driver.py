@@ -271,7 +271,7 @@ def record(now: Quality, lengths: FloatArray, shares: FloatArray) -> SweepRecord
     return SweepRecord(
         largest_move=float(lengths.max()),
         largest_share=float(shares.max()),
-        n_moved=int(np.count_nonzero(lengths)),
+        n_moved=int(np.count_nonzero(lengths > 0.0)),
         min_angle=smallest,
         max_angle=largest,
         mean_shape=now.mean_shape,
