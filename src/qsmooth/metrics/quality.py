@@ -130,7 +130,7 @@ class Quality:
         self._figures.setdefault("shape", read_only(shape))
         self._doubtful = int(out[:, 2].sum())
         # Where a coordinate is NaN its cells' shapes are, and the angles only those of the others.
-        lost = 0.0 * float(shape.sum())
+        lost = 0.0 * self.mean_shape
         self._extremes = float(out[:, 0].min()) + lost, float(out[:, 1].max()) + lost
 
     @property
@@ -151,7 +151,7 @@ class Quality:
         low, high = _in_degrees(self._extremes)
         return low, high
 
-    @property
+    @cached_property
     def mean_shape(self) -> float:
         """Mean of the cells' shape; quicker than by way of all figures."""
         if "shape" not in self._figures:
