@@ -11,12 +11,14 @@ import pytest
 
 import sweep_bounds
 from meshes import rough_grid
-from qsmooth import Mesh
+from qsmooth import Mesh, Quality
 from qsmooth.kernels import angle, aspect_ratio, centroid, laplacian, quad, star
 from qsmooth.kernels._jit import use_threads
 from qsmooth.kernels.blocks import build_blocks
 from qsmooth.kernels.proposals import thresholds
+from qsmooth.kernels.ring_blocks import build_ring_blocks
 from qsmooth.kernels.stars import Moves, Rings
+from qsmooth.methods.driver import record
 from qsmooth.split import split_quads
 
 pytestmark = pytest.mark.benchmark(group="sweeps")
@@ -54,7 +56,8 @@ def guarded_commit(c, good):
 
 
 def laplacian_sweep(c, good):
-    return laplacian.laplacian_sweep, (c.mesh.xy, c.rings, c.stars, c.xy, c.moves)
+    blocks = build_ring_blocks(np.sort(c.stars.vertices), c.rings)
+    return laplacian.laplacian_sweep, (c.mesh.xy, blocks, c.xy, c.moves)
 
 
 def smart_laplacian_sweep(c, good):
@@ -209,3 +212,50 @@ def test_smart_laplacian_beside_the_unguarded_one_of_vtk(benchmark, mesh, note, 
         f"smart Laplacian, {mesh.n_cells} quads: {1e3 * own:.2f} ms a guarded sweep, "
         f"VTK unguarded {1e3 * other:.2f} ms, {other / own:.1f} times as long"
     )
+
+
+@pytest.fixture
+def of_four(mesh):
+    """The movable vertices of a mesh of quads, with four neighbours each."""
+    return Case(mesh)
+
+
+@pytest.mark.benchmark(group="laplacian")
+def test_laplacian(benchmark, note, put_rate, of_four):
+    kernel, arguments = laplacian_sweep(of_four, math.nan)
+    note(of_four.mesh)
+    kernel(*arguments)
+    benchmark(kernel, *arguments)
+    # Five ids of 32 bits; a place read and one written, which is read first; two more figures.
+    moved = 5 * 4 + 3 * 16 + 2 * 2 * 8
+    put_rate("vertex", of_four.stars.vertices.size, moved=moved, operations=4 * 8 + 12)
+
+
+@pytest.mark.benchmark(group="laplacian")
+def test_laplacian_and_record(benchmark, note, put_rate, of_four):
+    kernel, arguments = laplacian_sweep(of_four, math.nan)
+    note(of_four.mesh)
+
+    def sweep():
+        kernel(*arguments)
+        return record(Quality(of_four.mesh.topology, of_four.xy), *of_four.moves)
+
+    sweep()
+    benchmark(sweep)
+    moved = 5 * 4 + 3 * 16 + 2 * 2 * 8 + 40 + 16 + 4 * 8
+    put_rate("vertex", of_four.stars.vertices.size, moved=moved, operations=4 * 8 + 12 + 130)
+
+
+@pytest.mark.benchmark(group="laplacian")
+def test_laplacian_as_a_sparse_product(benchmark, note, put_rate, of_four):
+    sparse = pytest.importorskip("scipy.sparse")
+    offsets, neighbours = of_four.rings
+    counts = np.diff(offsets)
+    weights = np.repeat(1.0 / np.maximum(counts, 1), counts)
+    shape = (counts.size, counts.size)
+    mean = sparse.csr_matrix(
+        (weights, neighbours.astype(np.int32), offsets.astype(np.int32)), shape
+    )
+    note(of_four.mesh)
+    benchmark(lambda: mean @ of_four.xy)
+    put_rate("vertex", counts.size, moved=4 * 12 + 4 + 3 * 16, operations=4 * 4)

@@ -83,14 +83,14 @@ def test_smooth_and_quality_are_functions_after_their_modules_are_loaded():
 CACHE = """
 import json
 from qsmooth import Mesh, smooth
-from qsmooth.kernels import cell_metrics, star
+from qsmooth.kernels import glance, star
 points = [(0, 0), (1, 0), (2, 0), (0, 1), (1.3, 1.2), (2, 1), (0, 2), (1, 2), (2, 2)]
 mesh = Mesh(points, [(0, 1, 4, 3), (1, 2, 5, 4), (4, 5, 8, 7), (3, 4, 7, 6)])
 out = {
     f"points {n}": smooth(mesh, "star", threads=n, max_sweeps=3).points.tobytes().hex()
     for n in (1, 2)
 }
-for name, kernel in {"star": star.star_sweep, "angles": cell_metrics.angles}.items():
+for name, kernel in {"star": star.star_sweep, "glance": glance.glance}.items():
     stats = kernel.parallel.stats
     out[name] = [sum(stats.cache_hits.values()), sum(stats.cache_misses.values())]
     out[f"{name} twice"] = "serial" in vars(kernel)
@@ -104,7 +104,7 @@ def test_a_second_process_compiles_nothing(tmp_path):
     assert any(Path(tmp_path).rglob("*.nbc"))
     again = json.loads(run(CACHE, NUMBA_CACHE_DIR=str(tmp_path), NUMBA_NUM_THREADS="2"))
     assert first["points 1"] == first["points 2"] == again["points 1"] == again["points 2"]
-    for kernel in ("star", "angles"):
+    for kernel in ("star", "glance"):
         hits, misses = first[kernel]
         assert hits == 0
         assert misses > 0

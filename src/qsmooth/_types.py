@@ -11,6 +11,6 @@ IndexArray: TypeAlias = npt.NDArray[np.int64]
 TableArray: TypeAlias = npt.NDArray[np.uint32]
 # The table of blocks; unsigned, as what is computed from it are offsets of lanes.
 BlockArray: TypeAlias = npt.NDArray[np.uint64]
-# Moves that are noted for later, as shares of a length: what they are used for needs no more digits.
+# Moves that are noted for later, as shares of a length; what they are for needs no more digits.
 MoveArray: TypeAlias = npt.NDArray[np.float32]
 BoolArray: TypeAlias = npt.NDArray[np.bool_]

@@ -49,7 +49,7 @@ class Run:
         self.lanes = Lanes(topology, stars, threads_for(1, mesh.n_vertices))
         self.lanes.caps.hold(mesh.xy, held)
         self.lanes.aim_at(ideal(topology))
-        self.progress, self.xy = Progress(Optimize(), quality(mesh).summary()), mesh.xy.copy()
+        self.progress, self.xy = Progress(Optimize(), quality(mesh)), mesh.xy.copy()
         self.best = Best(self.lanes, self.xy, self.progress, mean_loss=mean_loss, enough=None)
         improve_mean(self.lanes, self.xy, self.best, self.progress, worst=True)
 

@@ -61,7 +61,7 @@ def products(moves: MoveArray, largest: float) -> IndexArray:
     sums = np.zeros((n_sweeps, n_sweeps), np.int64)
     for j in range(n_sweeps):
         for k in range(j + 1):
-            total = 0
+            total = np.int64(0)
             for i in range(n):
                 x = (moves[j, i, 0] * scale) * (moves[k, i, 0] * scale)
                 y = (moves[j, i, 1] * scale) * (moves[k, i, 1] * scale)

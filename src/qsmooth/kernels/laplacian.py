@@ -1,66 +1,78 @@
 """Laplacian smoothing: plain, the baseline that everybody knows, and guarded."""
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import prange
 
-from qsmooth._types import FloatArray, IndexArray
-from qsmooth.kernels._jit import helper, inlined_helper, parallel_kernel
-from qsmooth.kernels.blocks import LANES, Block, Blocks, block_at
-from qsmooth.kernels.geometry import distance, share
+from qsmooth._types import FloatArray
+from qsmooth.kernels._jit import helper, parallel_kernel
+from qsmooth.kernels.blocks import LANES, Block, Blocks, block_at, lane_row
 from qsmooth.kernels.guard_rows import N_GUARD_ROWS, SHORTEST
 from qsmooth.kernels.guards import guarded_moves
 from qsmooth.kernels.lanes import ROW, ROW2, ROW4, ROW6, SX, SY, X, Y, gather_stars, smaller
 from qsmooth.kernels.lone_guards import Guard
-from qsmooth.kernels.stars import Moves, Rings, Stars, Step
+from qsmooth.kernels.ring_blocks import FIRST, N_NEIGHBOURS, SIZE, START, RingBlocks
+from qsmooth.kernels.stars import Moves
 
-
-@inlined_helper()
-def step_to_ring(
-    xy: FloatArray, ring_offsets: IndexArray, ring_vertices: IndexArray, v: int
-) -> Step:
-    """Step from v to the mean of its edge neighbours."""
-    x, y = xy[v, 0], xy[v, 1]
-    first, last = ring_offsets[v], ring_offsets[v + 1]
-    dx, dy, shortest = 0.0, 0.0, np.inf
-    for k in range(first, last):
-        w = ring_vertices[k]
-        dx += xy[w, 0] - x
-        dy += xy[w, 1] - y
-        shortest = min(shortest, distance(x, y, xy[w, 0], xy[w, 1]))
-    return Step(dx / (last - first), dy / (last - first), shortest)
+# The grain of the parallel loop over blocks of rings.
+BLOCKS_A_CHUNK = 16
+# Rows of lanes of a plain sweep: where a vertex is, the sum of the ways to its neighbours, the
+# shortest of them squared.
+AT_X, AT_Y, DX, DY, NEAREST = (lane_row(k) for k in range(5))
+N_ROWS = 5
+ONE: Any = np.uint64(1)
 
 
 @parallel_kernel()
-def laplacian_sweep(
-    xy: FloatArray, rings: Rings, stars: Stars, xy_out: FloatArray, moves: Moves
-) -> None:
+def laplacian_sweep(xy: FloatArray, blocks: RingBlocks, xy_out: FloatArray, moves: Moves) -> None:
     """Put each vertex at the mean of its ring, all at once and unguarded.
 
     Parameters
     ----------
     xy : (n_vertices, 2)
         Coordinates, in any one unit.
-    rings
-        The edge neighbours of each vertex.
-    stars
-        Its `vertices` are those that move.
+    blocks
+        The vertices that move, and their edge neighbours.
     xy_out : (n_vertices, 2)
         Overwritten in the rows of these vertices.
     moves
-        Overwritten.
+        Overwritten, in the order of the blocks' vertices.
     """
-    vertices = stars.vertices
-    ring_offsets, ring_vertices = rings
+    table, vertices, neighbours = blocks
     lengths, shares = moves.lengths, moves.shares
-    for i in prange(vertices.size):
-        v = vertices[i]
-        dx, dy, shortest = step_to_ring(xy, ring_offsets, ring_vertices, v)
-        xy_out[v, 0] = xy[v, 0] + dx
-        xy_out[v, 1] = xy[v, 1] + dy
-        lengths[i] = math.sqrt(dx * dx + dy * dy)
-        shares[i] = share(lengths[i], shortest)
+    for chunk in prange((table.shape[0] + BLOCKS_A_CHUNK - 1) // BLOCKS_A_CHUNK):
+        s = np.empty(N_ROWS * LANES)
+        start = chunk * BLOCKS_A_CHUNK
+        for block in range(start, min(start + BLOCKS_A_CHUNK, table.shape[0])):
+            first, n = table[block, FIRST], table[block, SIZE]
+            n_neighbours = table[block, N_NEIGHBOURS]
+            k = table[block, START]
+            for i in range(n):
+                v = vertices[first + i]
+                x, y = xy[v, 0], xy[v, 1]
+                dx, dy, shortest = 0.0, 0.0, np.inf
+                for _ in range(n_neighbours):
+                    w = neighbours[k]
+                    ex, ey = xy[w, 0] - x, xy[w, 1] - y
+                    dx += ex
+                    dy += ey
+                    shortest = min(shortest, ex * ex + ey * ey)
+                    k += ONE
+                s[AT_X + i], s[AT_Y + i], s[NEAREST + i] = x, y, shortest
+                s[DX + i], s[DY + i] = dx, dy
+            for i in range(n):
+                dx, dy = s[DX + i] / n_neighbours, s[DY + i] / n_neighbours
+                length, shortest = math.sqrt(dx * dx + dy * dy), math.sqrt(s[NEAREST + i])
+                s[AT_X + i] += dx
+                s[AT_Y + i] += dy
+                lengths[first + i] = length
+                part = length / shortest if shortest > 0.0 else np.inf
+                shares[first + i] = part if length > 0.0 else 0.0
+            for i in range(n):
+                v = vertices[first + i]
+                xy_out[v, 0], xy_out[v, 1] = s[AT_X + i], s[AT_Y + i]
 
 
 @helper()

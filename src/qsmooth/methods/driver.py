@@ -16,7 +16,7 @@ from qsmooth.kernels.compiling import clock
 from qsmooth.kernels.stars import Moves, Stars
 from qsmooth.mesh import Mesh
 from qsmooth.methods.base import Method
-from qsmooth.metrics import Quality, Summary, Validity, quality
+from qsmooth.metrics import Quality, Validity, quality
 from qsmooth.options import OptionError, option
 from qsmooth.outcome import Aim, Cut, Invalid, Outcome, Stage, Stop
 from qsmooth.result import History, SmoothResult, SweepRecord
@@ -129,14 +129,13 @@ class SweepingMethod(Method):
     def run(self, mesh: Mesh, chosen: str = "") -> SmoothResult:
         """Sweep until every vertex rests, quality no longer improves, or no more is allowed."""
         before = quality(mesh)
-        summary = before.summary()
         cut = self._cut(mesh)
         only, selected = self.selected(mesh)
         if selected is not None and cut is not mesh:
             selected = np.repeat(selected, mesh.topology.cell_sizes - 2)
         stars = cut.topology.schedule(self.keep_interfaces, only)
-        setting = Setting(cut.topology, stars, self._good(cut, mesh, summary), selected)
-        run = _Run(self, mesh, summary)
+        setting = Setting(cut.topology, stars, self._good(cut), selected)
+        run = _Run(self, mesh, before)
         if stars.vertices.size:
             engine = threads_for(self.threads, stars.vertices.size)
             with engine.running():
@@ -147,9 +146,9 @@ class SweepingMethod(Method):
         elif cut is mesh:
             result = stored(mesh, run.xy)
         else:
-            result = mesh.with_points(stored(cut, run.xy).points)
+            points = stored(cut, run.xy).points
+            result = mesh if points is mesh.points else mesh.with_points(points)
         after = quality(result)
-        broken = (before.validity == Validity.VALID) & (after.validity != Validity.VALID)
         return SmoothResult(
             mesh=result,
             outcome=run.outcome(
@@ -157,19 +156,19 @@ class SweepingMethod(Method):
                 chosen=chosen,
                 guarded=self.guards,
                 selected=self.selection is not None,
-                unchanged=np.array_equal(result.points, mesh.points),
+                unchanged=result is mesh or np.array_equal(result.points, mesh.points),
                 invalid=invalid_cells(before, after),
                 cut=None
                 if cut is mesh
                 else Cut(
                     quads=int((mesh.topology.cell_sizes == 4).sum()),
                     diagonal=self.diagonal,
-                    broken=int(broken.sum()),
+                    broken=_count_broken(before, after),
                 ),
             ),
             history=History(run.history),
-            before=summary,
-            after=after.summary(),
+            quality_before=before,
+            quality_after=after,
             seconds=run.seconds,
         )
 
@@ -181,13 +180,10 @@ class SweepingMethod(Method):
             raise OptionError(reason)
         return mesh
 
-    def _good(self, cut: Mesh, mesh: Mesh, before: Summary) -> float:
+    def _good(self, cut: Mesh) -> float:
         if not self.quality_guard:
             return math.nan
-        smallest = before.worst["scaled_jacobian"]
-        if cut is not mesh:
-            smallest = float(quality(cut).scaled_jacobian.min())
-        return max(GOOD_SCALED_JACOBIAN, smallest)
+        return max(GOOD_SCALED_JACOBIAN, float(quality(cut).scaled_jacobian.min()))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -209,7 +205,7 @@ class GuardedMethod(SweepingMethod):
 class _Run:
     """The sweeps of one call: coordinates, history, clock, and why they stopped."""
 
-    def __init__(self, method: SweepingMethod, mesh: Mesh, before: Summary) -> None:
+    def __init__(self, method: SweepingMethod, mesh: Mesh, before: Quality) -> None:
         self.method, self.topology = method, mesh.topology
         self.xy = mesh.xy.copy()
         self.history: list[SweepRecord] = []
@@ -273,17 +269,9 @@ class _Run:
         )
 
 
-def record_of(before: Summary) -> SweepRecord:
+def record_of(before: Quality) -> SweepRecord:
     """Note how a mesh is before the first sweep."""
-    return SweepRecord(
-        largest_move=0.0,
-        largest_share=0.0,
-        n_moved=0,
-        min_angle=before.worst["min_angle"],
-        max_angle=before.worst["max_angle"],
-        mean_shape=before.mean["shape"],
-        n_invalid=before.n_invalid,
-    )
+    return record(before, np.zeros(1), np.zeros(1))
 
 
 def record(now: Quality, lengths: FloatArray, shares: FloatArray) -> SweepRecord:
@@ -292,10 +280,10 @@ def record(now: Quality, lengths: FloatArray, shares: FloatArray) -> SweepRecord
     return SweepRecord(
         largest_move=float(lengths.max()),
         largest_share=float(shares.max()),
-        n_moved=int((lengths > 0.0).sum()),
+        n_moved=int(np.count_nonzero(lengths > 0.0)),
         min_angle=smallest,
         max_angle=largest,
-        mean_shape=float(now.shape.mean()),
+        mean_shape=now.mean_shape,
         n_invalid=now.n_invalid,
     )
 
@@ -318,6 +306,12 @@ def invalid_cells(before: Quality, after: Quality) -> Invalid | None:
     )
 
 
+def _count_broken(before: Quality, after: Quality) -> int:
+    """Count the cells that were valid and are not."""
+    broken = (before.validity == Validity.VALID) & (after.validity != Validity.VALID)
+    return int(broken.sum())
+
+
 def moved(mesh: Mesh, xy: FloatArray) -> BoolArray:
     """Mark the vertices that are elsewhere now, (n_vertices,)."""
     marked: BoolArray = (xy != mesh.xy).any(axis=1)
@@ -332,7 +326,7 @@ def stored(mesh: Mesh, xy: FloatArray) -> Mesh:
     """
     marked = moved(mesh, xy)
     result = mesh.with_xy(xy, marked)
-    if mesh.plane is None:
+    if mesh.plane is None or result is mesh:
         return result
     was_valid = quality(mesh).validity == Validity.VALID
     while True:

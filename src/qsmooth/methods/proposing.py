@@ -115,7 +115,7 @@ class Pace:
         method = self._method
         if not self._ranks and method.bad_step is None:
             return
-        _, largest = Quality(self._topology, xy).angles
+        largest = Quality(self._topology, xy).figure("max_angle")
         self.values[:] = 1.0
         if method.bad_step is not None:
             self.values[largest > method.bad_angle] = method.bad_step / method.step

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from qsmooth._types import FloatArray, TableArray
+from qsmooth._types import FloatArray, IndexArray, TableArray
 from qsmooth.engine import Engine
 
 # Added to the diagonal of the least squares problem, as a fraction of its trace.
@@ -94,7 +94,7 @@ class Extrapolation:
         return trial
 
 
-def _weights(sums: FloatArray) -> FloatArray | None:
+def _weights(sums: IndexArray) -> FloatArray | None:
     """Turn the products of the moves of m sweeps into what each move is to be added once more."""
     last = sums[-1]
     # Of the differences to the last: exact, as these are integers.

@@ -121,7 +121,7 @@ class Lanes:
         return True
 
     def _put_back(self, xy: FloatArray, trial: FloatArray) -> bool:
-        """Put the vertices of cells that are forbidden back, and a ring; whether that was enough."""
+        """Put back the vertices of forbidden cells, and a ring; say whether that was enough."""
         from qsmooth.kernels.tangles import grow
 
         topology = self.topology

@@ -81,28 +81,26 @@ class _Staged(Method):
     def run(self, mesh: Mesh, chosen: str = "") -> SmoothResult:
         """Go through the stages, and sum up."""
         before = quality(mesh)
-        summary = before.summary()
         only, _ = self.selected(mesh)
         movable = mesh.topology.movable(self.keep_interfaces)
         if only is not None:
             movable &= only
         n_movable = int(movable.sum())
-        progress = Progress(self, summary)
-        result, found, invalid = mesh, _Found(mesh.xy), invalid_cells(before, before)
+        progress = Progress(self, before)
+        result, found, after = mesh, _Found(mesh.xy), before
         if n_movable:
             engine = threads_for(self.threads, n_movable)
             ground = Ground(mesh.topology, self.keep_interfaces, only, engine)
             with engine.running():
                 found = self.stages(ground, mesh, before, progress)
                 result = stored(mesh, found.xy)
-                invalid = invalid_cells(before, quality(result))
-        invalid = with_proof(invalid, mesh.topology, result.xy, movable)
+                after = quality(result)
+        invalid = with_proof(invalid_cells(before, after), mesh.topology, result.xy, movable)
         bounds = self.bounds(result) if n_movable else None
         seconds = progress.seconds
         stop = progress.stop or self.finished(found, invalid)
         if not n_movable and stop is not Stop.STUCK:
             stop = Stop.NOTHING_MOVES
-        after = quality(result)
         start = before
         if found.start is not None and before.n_invalid:
             start = Quality(mesh.topology, found.start)
@@ -116,7 +114,7 @@ class _Staged(Method):
                 chosen=chosen,
                 untangles=True,
                 selected=self.selection is not None,
-                unchanged=np.array_equal(result.points, mesh.points),
+                unchanged=result is mesh or np.array_equal(result.points, mesh.points),
                 stages=tuple(progress.stages),
                 largest_share=progress.history[-1].largest_share if progress.history else 0.0,
                 trades=trades,
@@ -128,8 +126,8 @@ class _Staged(Method):
                 limits=bounds,
             ),
             history=History(progress.history),
-            before=summary,
-            after=after.summary(),
+            quality_before=before,
+            quality_after=after,
             seconds=seconds,
         )
 

@@ -10,7 +10,7 @@ from qsmooth._types import FloatArray
 from qsmooth.kernels.compiling import clock
 from qsmooth.methods.base import Method
 from qsmooth.methods.driver import gain, record, record_of
-from qsmooth.metrics import Quality, Summary
+from qsmooth.metrics import Quality
 from qsmooth.outcome import Aim, Stage, Stop
 from qsmooth.result import SweepRecord
 
@@ -32,7 +32,7 @@ class Progress:
         What the caller allows that is used up, None so far.
     """
 
-    def __init__(self, options: Method, before: Summary) -> None:
+    def __init__(self, options: Method, before: Quality) -> None:
         self._options = options
         self.sweeps, self.steps = 0, 0
         self.stop: Stop | None = None
