@@ -39,7 +39,8 @@ class Extrapolation:
 
     def __init__(self, vertices: TableArray, n_sweeps: int, engine: Engine) -> None:
         n = vertices.size
-        self._vertices, self._engine = vertices, engine
+        # A copy: kernels are compiled once more for arrays that are read-only.
+        self._vertices, self._engine = vertices.copy(), engine
         self._moves = np.empty((n_sweeps, n, 2), np.float32)
         self._last, self._size, self._inv_size = np.empty((n, 2)), np.empty(n), np.empty(n)
         self._noted, self._wait, self._waits = 0, 0, 0
