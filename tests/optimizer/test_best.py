@@ -143,6 +143,16 @@ def test_nothing_to_gain_is_no_move():
     assert not np.array_equal(best.xy, start)
 
 
+@pytest.mark.nojit
+@pytest.mark.parametrize("figures", [{"low_angle": 31.0}, {"least_shape": 0.42}])
+def test_low_angles_and_the_worst_shape_are_gains_too(figures):
+    best, offer = best_of()
+    start = best.xy.copy()
+    assert kept(offer, "offer_overall", 0.0, 0.0, **figures)
+    best.settle()
+    assert not np.array_equal(best.xy, start)
+
+
 # ------------------------------------------------------------------------------- looser walls
 
 

@@ -68,7 +68,12 @@ class Figures:
     @property
     def overall(self) -> float:
         """What counts where the worst corners are held: the mean, low angles, the worst shape."""
-        return float(self.shape * self.low_angle**LOW_COUNTS * self.least_shape**SHAPE_COUNTS)
+        return float(self.shape * self.lowest)
+
+    @property
+    def lowest(self) -> float:
+        """Low angles and the worst shape."""
+        return float(self.low_angle**LOW_COUNTS * self.least_shape**SHAPE_COUNTS)
 
     @property
     def worst_of_all(self) -> float:
@@ -81,10 +86,10 @@ class Figures:
         return gain > LEAST_GAIN or (gain > -LEAST_GAIN and self.shape > other.shape)
 
     def gain(self, other: Figures) -> float:
-        """Largest gain over the other: of the worst corner, the mean, or overall."""
+        """Largest gain over the other: of the worst corner, the mean, or what else counts."""
         gains = [self.free_jacobian - other.free_jacobian, self.shape - other.shape]
-        if other.overall > 0.0:
-            gains.append(self.overall / other.overall - 1.0)
+        if other.lowest > 0.0:
+            gains.append(self.lowest / other.lowest - 1.0)
         return max(gains)
 
 
