@@ -57,6 +57,22 @@ def note(benchmark, request):
 
 
 @pytest.fixture
+def put_rate(benchmark):
+    """Put what was done a second beside a figure, and what each vertex or cell asks for on paper.
+
+    Bytes are those that have to come from memory or go there once the mesh is beyond the caches,
+    operations those on floating-point numbers, a division or a root counted as one.
+    """
+
+    def put(what, count, *, moved, operations):
+        benchmark.extra_info.update({f"bytes a {what}": moved, f"operations a {what}": operations})
+        if benchmark.stats is not None:  # else it only had to run
+            benchmark.extra_info[f"{what} M/s"] = round(1e-6 * count / benchmark.stats.stats.min, 2)
+
+    return put
+
+
+@pytest.fixture
 def print_ratio(request):
     """Have a line printed at the end."""
     return request.config.stash[RATIOS].append

@@ -1,5 +1,6 @@
 """Each metric on its own: compiled by an untimed call, then on a mesh in cache and one beyond."""
 
+import numpy as np
 import pytest
 
 from qsmooth import Quality
@@ -41,3 +42,62 @@ def test_validity(benchmark, mesh, note):
     note(mesh)
     assert Quality(mesh.topology, mesh.xy).validity.shape == (mesh.n_cells,)
     benchmark(lambda: Quality(mesh.topology, mesh.xy).validity)
+
+
+@pytest.mark.benchmark(group="metrics")
+def test_glance(benchmark, mesh, note, put_rate):
+    note(mesh)
+
+    def glance():
+        seen = Quality(mesh.topology, mesh.xy)
+        return seen.extreme_angles, seen.mean_shape, seen.n_invalid
+
+    glance()
+    benchmark(glance)
+    # An offset and four ids of 64 bits, a place, and the shape, which is read before it is written.
+    put_rate("cell", mesh.n_cells, moved=40 + 16 + 16, operations=130)
+
+
+@pytest.mark.benchmark(group="metrics")
+def test_figures_in_one_pass(benchmark, mesh, note, put_rate):
+    note(mesh)
+
+    def measure():
+        return Quality(mesh.topology, mesh.xy).figure("shape")
+
+    measure()
+    benchmark(measure)
+    put_rate("cell", mesh.n_cells, moved=40 + 16 + 6 * 16, operations=130 + 120)
+
+
+VERDICT = [
+    "MinAngle", "MaxAngle", "EdgeRatio", "ScaledJacobian", "Shape", "Area", "AspectRatio",
+    "Condition", "Skew", "Taper", "Stretch", "Distortion", "Shear", "Oddy", "RelativeSizeSquared",
+]  # fmt: skip
+
+
+@pytest.mark.benchmark(group="metrics")
+@pytest.mark.parametrize("name", VERDICT)
+def test_verdict(benchmark, mesh, note, name):
+    pytest.importorskip("vtkmodules.vtkFiltersVerdict")
+    from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
+    from vtkmodules.vtkCommonCore import vtkPoints
+    from vtkmodules.vtkCommonDataModel import VTK_QUAD, vtkCellArray, vtkUnstructuredGrid
+    from vtkmodules.vtkFiltersVerdict import vtkMeshQuality
+
+    places, points, cells = np.zeros((mesh.n_vertices, 3)), vtkPoints(), vtkCellArray()
+    places[:, :2] = mesh.xy
+    points.SetData(numpy_to_vtk(places, deep=True))
+    cells.SetData(4, numpy_to_vtkIdTypeArray(mesh.cell_vertices.copy(), deep=True))
+    grid, ruler = vtkUnstructuredGrid(), vtkMeshQuality()
+    grid.SetPoints(points)
+    grid.SetCells(VTK_QUAD, cells)
+    ruler.SetInputData(grid)
+    getattr(ruler, f"SetQuadQualityMeasureTo{name}")()
+    note(mesh)
+
+    def measure():
+        ruler.Modified()
+        ruler.Update()
+
+    benchmark(measure)

@@ -18,6 +18,7 @@ from qsmooth.kernels.newton_sweep import Wall, newton_sweep
 from qsmooth.kernels.stacks import match_heights
 from qsmooth.kernels.stars import NO_VERTEX
 from qsmooth.kernels.untangle_sweep import untangle_sweep
+from qsmooth.optimizer.extrapolation import Extrapolation
 from qsmooth.optimizer.lanes import Lanes
 from qsmooth.optimizer.look import Look
 from qsmooth.targets import ideal, learned
@@ -276,6 +277,27 @@ def test_mapped_sweep(benchmark, mesh, note, threads):
     with use_threads(threads):
         np.testing.assert_allclose(run(), case.by_blocks(), rtol=0, atol=1e-6 * np.ptp(mesh.xy))
         benchmark(run)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_extrapolation(benchmark, mesh, note, threads):
+    """A round of notes and the place that it leads to; to be set beside ten sweeps."""
+    rng, engine = np.random.default_rng(0), threads_for(threads, mesh.n_vertices)
+    vertices = mesh.topology.schedule().vertices
+    ahead = Extrapolation(vertices, SWEEPS, engine)
+    moves = rng.uniform(-1e-4, 1e-4, (SWEEPS, *mesh.xy.shape))
+    size = np.full(vertices.size, 1e-3)
+
+    def round_of_sweeps():
+        ahead.start(mesh.xy, size)
+        for move in moves:
+            ahead.note(mesh.xy + move)
+        return ahead.extrapolated(mesh.xy)
+
+    note(mesh, threads)
+    with engine.running():
+        round_of_sweeps()
+        benchmark(round_of_sweeps)
 
 
 # ------------------------------------------------------------------------------- cell by cell

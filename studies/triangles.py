@@ -18,9 +18,10 @@ import numpy.typing as npt
 
 import qsmooth
 from qsmooth import Mesh, examples
-from qsmooth.kernels.aspect_ratio import aspect_ratio_sweep, star_edge_ratio
+from qsmooth.kernels.aspect_ratio import aspect_ratio_sweep
+from qsmooth.kernels.blocks import Blocks, build_blocks
 from qsmooth.kernels.quad import guarded_commit
-from qsmooth.kernels.stars import Moves, Stars
+from qsmooth.kernels.stars import Moves
 from qsmooth.methods.aspect_ratio import RATIO_POWER
 from qsmooth.methods.driver import GOOD_SCALED_JACOBIAN
 
@@ -50,35 +51,33 @@ def by_reading(
     ``"colours"``, ``"at once"`` (all propose, then all follow) or ``"worst first"``.
     """
     stars = mesh.topology.schedule(True)
-    n_movable = stars.vertices.size
+    blocks, n_movable = build_blocks(stars), stars.vertices.size
     everything = 0, stars.colour_offsets.size - 1
     tolerated = threshold if rule else math.inf
     good = max(GOOD_SCALED_JACOBIAN, float(qsmooth.quality(mesh).scaled_jacobian.min()))
     xy = mesh.xy.copy()
     moves = Moves(np.zeros(n_movable), np.zeros(n_movable))
     # Every vertex a colour of its own: then one can be asked for alone.
-    alone_stars = stars._replace(colour_offsets=np.arange(n_movable + 1))
+    alone_blocks = build_blocks(stars._replace(colour_offsets=np.arange(n_movable + 1)))
 
-    def sweep(at: FloatArray, stars: Stars, colours: tuple[int, int]) -> None:
-        aspect_ratio_sweep(at, stars, colours, threshold, step, power, tolerated, good, moves)
+    def sweep(at: FloatArray, blocks: Blocks, colours: tuple[int, int]) -> None:
+        aspect_ratio_sweep(at, blocks, colours, threshold, step, power, tolerated, good, moves)
 
     for _ in range(SWEEPS):
         if order == "colours":
-            sweep(xy, stars, everything)
+            sweep(xy, blocks, everything)
         elif order == "at once":
-            wanted = np.empty((n_movable, 2))
+            wanted = np.zeros_like(xy)
             for i, v in enumerate(stars.vertices):
                 alone = xy.copy()
-                sweep(alone, alone_stars, (i, i + 1))
-                wanted[i] = alone[v] - xy[v]
-            guarded_commit(xy, stars, everything, wanted, good, moves)
+                sweep(alone, alone_blocks, (i, i + 1))
+                wanted[v] = alone[v] - xy[v]
+            guarded_commit(xy, blocks, everything, wanted[blocks.vertices], good, moves)
         else:
-            ratios = [
-                star_edge_ratio(xy, stars, i, xy[v, 0], xy[v, 1])
-                for i, v in enumerate(stars.vertices)
-            ]
+            of_cells = qsmooth.quality(mesh.with_points(xy)).aspect_ratio
+            ratios = np.maximum.reduceat(of_cells[stars.cells], stars.offsets[:-1])
             for i in np.argsort(ratios)[::-1]:
-                sweep(xy, alone_stars, (i, i + 1))
+                sweep(xy, alone_blocks, (i, i + 1))
     return largest_ratio(mesh.with_points(xy))
 
 

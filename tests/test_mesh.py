@@ -483,3 +483,16 @@ def test_a_plane_is_as_exact_as_the_digits_of_the_boundary(tmp_path):
     noisy = exact + 1e-6 * rng.normal(size=exact.shape)
     with pytest.raises(MeshError, match="do not lie in one plane"):
         Mesh(noisy, cells)
+
+
+@pytest.mark.nojit
+def test_cells_are_kept_once():
+    quads, triangles = np.array([(0, 1, 4, 3)]), np.array([(1, 2, 4), (2, 5, 4)])
+    points, _ = grid(2, 1)
+    for blocks in ([quads, triangles], [triangles]):
+        mesh = Mesh(points, blocks)
+        for kept, block in zip(mesh.cells, blocks, strict=True):
+            assert np.array_equal(kept, block)
+            assert not np.shares_memory(kept, block)
+            assert np.shares_memory(kept, mesh.cell_vertices)
+            assert not kept.flags.writeable

@@ -79,45 +79,43 @@ def test_smooth_and_quality_are_functions_after_their_modules_are_loaded():
     run(code)
 
 
-# Runs a method in both forms, and says how the caches of its kernels were used.
+# Runs a method on one thread and on two, and says how the caches of its kernels were used.
 CACHE = """
 import json
 from qsmooth import Mesh, smooth
-from qsmooth.kernels import cell_metrics, star
+from qsmooth.kernels import glance, star
 points = [(0, 0), (1, 0), (2, 0), (0, 1), (1.3, 1.2), (2, 1), (0, 2), (1, 2), (2, 2)]
 mesh = Mesh(points, [(0, 1, 4, 3), (1, 2, 5, 4), (4, 5, 8, 7), (3, 4, 7, 6)])
 out = {
     f"points {n}": smooth(mesh, "star", threads=n, max_sweeps=3).points.tobytes().hex()
     for n in (1, 2)
 }
-for name, kernel in {"star": star.star_sweep, "angles": cell_metrics.angles}.items():
-    for form in ("serial", "parallel"):
-        stats = getattr(kernel, form).stats
-        hits, misses = sum(stats.cache_hits.values()), sum(stats.cache_misses.values())
-        out[f"{name} {form}"] = [hits, misses]
+for name, kernel in {"star": star.star_sweep, "glance": glance.glance}.items():
+    stats = kernel.parallel.stats
+    out[name] = [sum(stats.cache_hits.values()), sum(stats.cache_misses.values())]
+    out[f"{name} twice"] = "serial" in vars(kernel)
 print(json.dumps(out))
 """
 
 
 @pytest.mark.skipif(bool(os.environ.get("NUMBA_DISABLE_JIT")), reason="nothing is compiled")
 def test_a_second_process_compiles_nothing(tmp_path):
-    # Both forms of a kernel are cached, and neither is taken for the other.
     first = json.loads(run(CACHE, NUMBA_CACHE_DIR=str(tmp_path), NUMBA_NUM_THREADS="2"))
     assert any(Path(tmp_path).rglob("*.nbc"))
     again = json.loads(run(CACHE, NUMBA_CACHE_DIR=str(tmp_path), NUMBA_NUM_THREADS="2"))
     assert first["points 1"] == first["points 2"] == again["points 1"] == again["points 2"]
-    for kernel in ("star", "angles"):
-        for form in ("serial", "parallel"):
-            hits, misses = first[f"{kernel} {form}"]
-            assert hits == 0
-            assert misses > 0
-            assert again[f"{kernel} {form}"] == [misses, 0]
+    for kernel in ("star", "glance"):
+        hits, misses = first[kernel]
+        assert hits == 0
+        assert misses > 0
+        assert again[kernel] == [misses, 0]
+        assert not first[f"{kernel} twice"]
 
 
 # Every method with options of every kind of number, on meshes of every kind; then the kernels that
 # were compiled for more than one set of types.
 TYPES = """
-import importlib, json, pkgutil, re
+import importlib, json, pkgutil
 import numpy as np
 import qsmooth
 from qsmooth import Mesh, examples, quality, smooth
@@ -153,13 +151,12 @@ for known in all_methods().values():
 kernels, twice = set(), {}
 for module in pkgutil.iter_modules(qsmooth.kernels.__path__, "qsmooth.kernels."):
     for name, thing in vars(importlib.import_module(module.name)).items():
-        for form in ("serial", "parallel", ""):
+        for form in ("parallel", ""):
             kernel = getattr(thing, form, None) if form else thing
             if not getattr(kernel, "targetoptions", {}).get("nogil"):
                 continue  # a helper, which kernels compile into themselves
             kernels.add(f"{name} {form}")
-            # Coordinates may be a mesh's own, which are read-only, or a copy that is swept.
-            types = {re.sub("'C', (True|False)", "'C'", str(s)) for s in kernel.signatures}
+            types = {str(signature) for signature in kernel.signatures}
             if len(types) > 1:
                 twice[f"{name} {form}"] = sorted(types)
 print(json.dumps([len(kernels), twice]))

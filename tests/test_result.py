@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from meshes import random_mesh
-from qsmooth import History, Mesh, SweepRecord, quality, smooth
+from qsmooth import History, Mesh, Quality, SweepRecord, quality, smooth
 from qsmooth.wording import reason
 
 
@@ -81,3 +81,40 @@ def test_plain_values_of_a_mesh_where_nothing_is_finite():
         result = smooth(Mesh(points, cells), method, max_sweeps=3)
         assert quality(result.mesh).n_invalid == 4
         json.dumps(result.to_dict(), allow_nan=False)
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("method", ["star", "laplacian", "optimize"])
+def test_quality_is_summed_up_when_asked_for_and_once(method, monkeypatch):
+    asked = []
+    own = Quality.summary
+    monkeypatch.setattr(Quality, "summary", lambda self: asked.append(self) or own(self))
+    result = smooth(random_mesh("quads", 4, seed=1).mesh, method, max_sweeps=2)
+    assert not asked
+    assert result.after is result.after
+    assert result.before is result.before
+    assert asked == [result.quality_after, result.quality_before]
+    assert result.after == own(quality(result.mesh))
+
+
+@pytest.mark.nojit
+def test_what_is_measured_of_a_mesh_is_shared_while_somebody_holds_it():
+    mesh = random_mesh("mixed", 4, seed=1).mesh
+    result = smooth(mesh, "star", max_sweeps=2)
+    assert quality(mesh) is result.quality_before
+    assert quality(result.mesh) is result.quality_after
+    assert quality(mesh.with_points(mesh.points)) is not result.quality_before
+    with pytest.raises(ValueError, match="read-only"):
+        quality(mesh).shape[0] = 1.0
+    with pytest.raises(ValueError, match="read-only"):
+        quality(mesh).validity[0] = 1
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("method", ["star", "laplacian"])
+def test_where_nothing_moves_the_mesh_is_the_input(method):
+    mesh = random_mesh("quads", 4, seed=1).mesh
+    result = smooth(mesh, method, max_sweeps=0)
+    assert result.mesh is mesh
+    assert result.quality_after is result.quality_before
+    assert result.outcome.unchanged

@@ -32,5 +32,6 @@ from .result import SweepRecord as SweepRecord
 from .smoothing import compare as compare
 from .smoothing import smooth as smooth
 from .smoothing import untangle as untangle
+from .warming import warmup as warmup
 
 __version__: str

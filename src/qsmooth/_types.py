@@ -13,4 +13,6 @@ TableArray: TypeAlias = npt.NDArray[np.uint32]
 BlockArray: TypeAlias = npt.NDArray[np.uint64]
 # Colours of vertices.
 ColourArray: TypeAlias = npt.NDArray[np.int8]
+# Moves that are noted for later, as shares of a length; what they are for needs no more digits.
+MoveArray: TypeAlias = npt.NDArray[np.float32]
 BoolArray: TypeAlias = npt.NDArray[np.bool_]

@@ -37,14 +37,18 @@ def checked_points(points: npt.ArrayLike) -> FloatArray:
         raise MeshError("the mesh is empty: it has no vertices")
     if array.ndim != 2 or array.shape[1] not in (2, 3):
         raise MeshError(f"points must have the shape (n, 2) or (n, 3), got {array.shape}")
-    bad = ~np.isfinite(array).all(axis=1)
-    if bad.any():
-        raise MeshError(_count(bad, "not finite"))
-    diameter = float(np.linalg.norm(np.ptp(np.clip(array, -1e75, 1e75), axis=0)))
+    # By columns, and point by point only where something is wrong: reductions of rows of two are
+    # ten times as slow.
+    columns = list(array.T)
+    lows, highs = [float(c.min()) for c in columns], [float(c.max()) for c in columns]
+    if not np.isfinite(lows + highs).all():
+        raise MeshError(_count(~np.isfinite(array).all(axis=1), "not finite"))
+    spans = np.ptp(np.clip([lows, highs], -LARGEST_COORDINATE, LARGEST_COORDINATE), axis=0)
+    diameter = float(np.linalg.norm(spans))
     if 0.0 < diameter < SMALLEST_DIAMETER:
         raise MeshError(f"the mesh is {diameter:.3g} across, where areas vanish: scale it up")
-    bad = (np.abs(array) > LARGEST_COORDINATE).any(axis=1)
-    if bad.any():
+    if max(map(abs, lows + highs)) > LARGEST_COORDINATE:
+        bad = (np.abs(array) > LARGEST_COORDINATE).any(axis=1)
         raise MeshError(_count(bad, f"beyond {LARGEST_COORDINATE:g}, where areas overflow"))
     return array
 

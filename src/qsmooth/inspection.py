@@ -254,7 +254,7 @@ def _hanging(mesh: Mesh, twins: IndexArray) -> Finding:
 
 def _parts(mesh: Mesh) -> Finding:
     """Parts beyond the first, which no edge joins to it; each by its first cell."""
-    from qsmooth.kernels.topology import orient_parts
+    from qsmooth.kernels.orientation import orient_parts
 
     _, parts, n_parts, _ = orient_parts(mesh.cell_offsets, mesh.cell_vertices, mesh.topology.twins)
     first = np.unique(parts, return_index=True)[1]

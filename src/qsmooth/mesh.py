@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import Any, Literal, TypeAlias
 
@@ -70,10 +71,10 @@ class Mesh:
         blocks = checked_blocks(cells)
         if len(self._points) == 0 or not blocks:
             raise MeshError("the mesh is empty: it has no vertices or no cells")
-        self._cells = [read_only(block) for block in blocks]
         fixed_mask = checked_fixed(fixed, len(self._points))
         region_ids = checked_regions(regions, sum(len(block) for block in blocks))
         self._topology = Topology(len(self._points), blocks, fixed_mask, region_ids)
+        self._cells = _as_blocks(self._topology.given_vertices, blocks)
         self._plane: Plane | None = None
         if self._points.shape[1] == 3 and surface == "auto":
             topology = self._topology
@@ -212,11 +213,15 @@ class Mesh:
     def with_xy(self, xy: FloatArray, moved: BoolArray) -> Mesh:
         """Put the `moved` vertices, (n,) bool, at `xy`; the others keep their bits.
 
+        Where none has moved it is this mesh.
+
         Parameters
         ----------
         xy : (n, 2)
             Finite coordinates in the plane of the mesh; not checked.
         """
+        if not moved.any():
+            return self
         points = self._points.copy()
         if self._plane is None:
             points[moved, :2] = xy[moved]
@@ -259,6 +264,15 @@ class Mesh:
         mesh._points = read_only(points)
         mesh._xy = coordinates(points, self._plane)
         return mesh
+
+
+def _as_blocks(vertices: IndexArray, blocks: Sequence[IndexArray]) -> list[IndexArray]:
+    """View the corners of all cells as the blocks that they came in."""
+    ends = itertools.accumulate((block.size for block in blocks), initial=0)
+    return [
+        vertices[start : start + block.size].reshape(block.shape)
+        for start, block in zip(ends, blocks, strict=False)
+    ]
 
 
 def as_mesh(mesh: MeshLike) -> Mesh:

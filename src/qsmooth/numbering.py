@@ -16,8 +16,10 @@ from typing import Literal
 import numpy as np
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray
+from qsmooth.checks import read_only
 from qsmooth.mesh import Mesh
 from qsmooth.metrics import Quality, quality
+from qsmooth.metrics.quality import FIGURES
 from qsmooth.topology import Topology
 
 # A mesh is scattered where more than this share of the steps from one corner of a cell to the next,
@@ -133,26 +135,23 @@ class _InCallersOrder(Quality):
     def __getitem__(self, name: str) -> FloatArray:
         # What inner edges have may differ in the last bit where it is seen from the other cell.
         if name not in self._values and name not in ON_EDGES:
-            self._values[name] = self._inner[name][self._places]
+            self._values[name] = read_only(self._inner[name][self._places])
         return super().__getitem__(name)
 
-    @cached_property
-    def angles(self) -> tuple[FloatArray, FloatArray]:
-        smallest, largest = self._inner.angles
-        return smallest[self._places], largest[self._places]
+    def _measure(self) -> None:
+        for name in FIGURES:
+            self._figures[name] = read_only(self._inner.figure(name)[self._places])
+        self._doubtful = self._inner._doubtful
 
-    @cached_property
-    def diamonds(self) -> tuple[FloatArray, FloatArray]:
-        smallest, largest = self._inner.diamonds
-        return smallest[self._places], largest[self._places]
-
-    @cached_property
-    def area(self) -> FloatArray:
-        return self._inner.area[self._places]
+    def _glance(self) -> None:
+        self._inner._glance()
+        self._figures.setdefault("shape", read_only(self._inner.figure("shape")[self._places]))
+        self._extremes = self._inner._extremes
+        self._doubtful = self._inner._doubtful
 
     @cached_property
     def validity(self) -> IndexArray:
-        return self._inner.validity[self._places]
+        return read_only(self._inner.validity[self._places])
 
 
 def is_scattered(topology: Topology) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, fields
+from functools import cached_property
 from typing import Any, SupportsIndex, overload
 
 import numpy as np
@@ -13,7 +14,7 @@ from qsmooth._json import finite
 from qsmooth._types import FloatArray
 from qsmooth._words import did_you_mean
 from qsmooth.mesh import Mesh
-from qsmooth.metrics import Summary
+from qsmooth.metrics import Quality, Summary
 from qsmooth.outcome import Outcome
 from qsmooth.wording import reason
 
@@ -84,19 +85,29 @@ class SmoothResult:
         What was done and why it stopped, as a record.
     history
         A record a sweep, of the optimiser a round of ten; columns by name.
-    before, after
-        Quality of the input and of the result.
+    quality_before, quality_after
+        Metrics of every cell of the input and of the result.
     seconds
         Time of the sweeps, and of the looks between them by which the optimiser goes on; without
-        callbacks, reading and checking.
+        callbacks, reading, checking and the compiling of kernels.
     """
 
     mesh: Mesh
     outcome: Outcome
     history: History = field(repr=False)
-    before: Summary = field(repr=False)
-    after: Summary = field(repr=False)
+    quality_before: Quality = field(repr=False)
+    quality_after: Quality = field(repr=False)
     seconds: float
+
+    @cached_property
+    def before(self) -> Summary:
+        """Quality of the input, summed up when first asked for."""
+        return self.quality_before.summary()
+
+    @cached_property
+    def after(self) -> Summary:
+        """Quality of the result, summed up when first asked for."""
+        return self.quality_after.summary()
 
     @property
     def points(self) -> FloatArray:

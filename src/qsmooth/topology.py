@@ -16,6 +16,8 @@ from qsmooth.schedule import make_schedule
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from qsmooth.kernels.blocks import Blocks
+
 # Tables hold vertex ids in 32 bits, and keep one for "none".
 LARGEST_COUNT = 2**32 - 2
 
@@ -27,7 +29,7 @@ class Topology:
 
     Attributes
     ----------
-    n_vertices, n_cells
+    n_vertices, n_cells, n_quads
         Counts; orphans are vertices too.
     cell_offsets, cell_vertices : (n_cells + 1,), (n_corners,)
         CSR map from a cell to its corners; all cells of a part run alike.
@@ -37,8 +39,6 @@ class Topology:
         Corners as the caller listed them.
     turned : (n_cells,)
         Cells that run the other way than the caller's.
-    n_parts
-        Parts connected by edges.
     used, is_boundary, is_fixed : (n_vertices,)
         In a cell; on an edge with only one cell; never to move: boundary, the caller's, orphans.
     regions : (n_cells,) or None
@@ -65,10 +65,11 @@ class Topology:
             raise MeshError(f"a mesh may have {LARGEST_COUNT} vertices and half as many cells")
         self.regions = None if regions is None else read_only(regions)
         self.lines = read_only(np.empty((0, 2), np.int64) if lines is None else lines)
-        sizes = np.concatenate([np.full(len(b), b.shape[1], np.int64) for b in blocks])
-        self.cell_offsets = read_only(np.concatenate([[0], np.cumsum(sizes)]))
+        self.n_quads = sum(len(block) for block in blocks if block.shape[1] == 4)
         # Read-only from here on, as kernels are compiled once more for arrays that are not.
-        vertices = read_only(np.concatenate([block.ravel() for block in blocks]))
+        self.cell_offsets = read_only(_offsets_of(blocks))
+        flat = [block.ravel() for block in blocks]
+        vertices = read_only(np.concatenate(flat) if len(flat) > 1 else flat[0])
         self.given_vertices = vertices
         bad = kernels.find_bad_index(vertices, n_vertices)
         if bad >= 0:
@@ -85,16 +86,14 @@ class Topology:
             n_vertices, self.cell_offsets, vertices
         )
         self.star_offsets, self.star_cells = read_only(star_offsets), read_only(star_cells)
-        count, cell, earlier = kernels.find_duplicate_cells(
-            self.cell_offsets, vertices, star_offsets, star_cells
-        )
-        if count:
-            raise MeshError(
-                f"{counted(count, 'cell has', 'cells have')} the same vertices as another, "
-                f"the first is cell {cell} (as cell {earlier})"
-            )
         self._given_star_corners = star_corners
-        twins, count, bad = kernels.edge_twins(n_vertices, self.cell_offsets, vertices)
+        twins, count, bad = kernels.edge_twins(
+            self.cell_offsets, vertices, star_offsets, star_cells, star_corners
+        )
+        # Cells with the same vertices are neighbours by two edges, or by one with more cells.
+        cells = kernels.corner_cells(self.cell_offsets)
+        if count or kernels.may_be_duplicates(self.cell_offsets, twins, cells):
+            self._refuse_duplicates()
         if count:
             cell = self._cell_of(bad)
             first, last = self.cell_offsets[cell], self.cell_offsets[cell + 1]
@@ -113,13 +112,25 @@ class Topology:
             is_fixed |= fixed
         self.is_fixed = read_only(is_fixed)
         self._schedules: dict[bool, Stars] = {}
+        self._blocks: dict[bool, Blocks] = {}
         self.is_renumbered = False
         self._along_curve: Topology | None = None
         self.keep_orientation()
 
+    def _refuse_duplicates(self) -> None:
+        from qsmooth.kernels import topology as kernels
+
+        count, cell, earlier = kernels.find_duplicate_cells(
+            self.cell_offsets, self.given_vertices, self.star_offsets, self.star_cells
+        )
+        if count:
+            raise MeshError(
+                f"{counted(count, 'cell has', 'cells have')} the same vertices as another, "
+                f"the first is cell {cell} (as cell {earlier})"
+            )
+
     def keep_orientation(self) -> None:
         """Take the cells to run as they are given."""
-        self.n_parts = 1
         self.turned = read_only(np.zeros(self.n_cells, np.bool_))
         self.cell_vertices = self.given_vertices
 
@@ -131,20 +142,31 @@ class Topology:
         MeshError
             If that can't be: a Möbius strip.
         """
-        from qsmooth.kernels import topology as kernels
+        from qsmooth.kernels import orientation
 
         given, twins = self.given_vertices, self.given_twins
-        turned, parts, n_parts, conflict = kernels.orient_parts(self.cell_offsets, given, twins)
+        if orientation.all_run_alike(xy, self.cell_offsets, given, twins):
+            return
+        turned, parts, n_parts, conflict = orientation.orient_parts(self.cell_offsets, given, twins)
         if conflict >= 0:
             raise MeshError(
                 "the cells can't be oriented alike (a Möbius strip): going round, "
                 f"cell {conflict} meets itself turned over"
             )
-        kernels.turn_parts(xy, self.cell_offsets, given, parts, n_parts, turned)
-        self.n_parts = n_parts
+        orientation.turn_parts(xy, self.cell_offsets, given, parts, n_parts, turned)
         self.turned = read_only(turned)
         if self.any_turned:
-            self.cell_vertices = read_only(kernels.oriented_cells(self.cell_offsets, given, turned))
+            self.cell_vertices = read_only(
+                orientation.oriented_cells(self.cell_offsets, given, turned)
+            )
+
+    @cached_property
+    def n_parts(self) -> int:
+        """Parts connected by edges."""
+        from qsmooth.kernels import orientation
+
+        parts: int = orientation.orient_parts(self.cell_offsets, self.cell_vertices, self.twins)[2]
+        return parts
 
     @cached_property
     def vertex_ids(self) -> IndexArray:
@@ -180,9 +202,8 @@ class Topology:
         from qsmooth.kernels import topology as kernels
 
         if self._given_twins is None:
-            twins, _, _ = kernels.edge_twins(
-                self.n_vertices, self.cell_offsets, self.given_vertices
-            )
+            stars = self.star_offsets, self.star_cells, self._given_star_corners
+            twins, _, _ = kernels.edge_twins(self.cell_offsets, self.given_vertices, *stars)
             self._given_twins = read_only(twins)
         return self._given_twins
 
@@ -193,7 +214,8 @@ class Topology:
 
         if not self.any_turned:
             return self.given_twins
-        twins, _, _ = kernels.edge_twins(self.n_vertices, *self.cells)
+        stars = self.star_offsets, self.star_cells, self.star_corners
+        twins, _, _ = kernels.edge_twins(*self.cells, *stars)
         return read_only(twins)
 
     @cached_property
@@ -255,7 +277,7 @@ class Topology:
         topology.__dict__.update(self.__dict__)
         topology.__dict__.pop("is_interface", None)
         topology.lines = read_only(np.array(lines, np.int64).reshape(-1, 2))
-        topology._schedules, topology._along_curve = {}, None
+        topology._schedules, topology._blocks, topology._along_curve = {}, {}, None
         return topology
 
     def along_curve(self, xy: FloatArray) -> Topology:
@@ -295,7 +317,7 @@ class Topology:
         inner.__dict__.update(
             n_vertices=self.n_vertices,
             n_cells=self.n_cells,
-            n_parts=self.n_parts,
+            n_quads=self.n_quads,
             regions=None,
             lines=self.lines[:0],
             vertex_ids=read_only(vertex_ids),
@@ -313,6 +335,7 @@ class Topology:
             is_renumbered=True,
             _given_twins=None,
             _schedules={},
+            _blocks={},
             _along_curve=None,
         )
         inner.given_vertices = inner.cell_vertices
@@ -333,6 +356,18 @@ class Topology:
             self._schedules[keep_interfaces] = self._make_schedule(self.movable(keep_interfaces))
         return self._schedules[keep_interfaces]
 
+    def blocks(self, stars: Stars) -> Blocks:
+        """Cut a schedule into blocks of lanes, once for those without a selection."""
+        from qsmooth.kernels.blocks import build_blocks
+
+        for keep_interfaces, schedule in self._schedules.items():
+            if schedule is stars:
+                if keep_interfaces not in self._blocks:
+                    self._blocks[keep_interfaces] = build_blocks(stars)
+                return self._blocks[keep_interfaces]
+        made: Blocks = build_blocks(stars)
+        return made
+
     def _make_schedule(self, movable: BoolArray) -> Stars:
         stars = self.star_offsets, self.star_cells
         return make_schedule(movable, self.vertex_ids, self.cells, stars, self.star_corners)
@@ -344,3 +379,14 @@ class Topology:
 def _first(marked: BoolArray, ids: IndexArray) -> int:
     places = np.flatnonzero(marked)
     return int(places[np.argmin(ids[places])]) if places.size else 0
+
+
+def _offsets_of(blocks: Sequence[IndexArray]) -> IndexArray:
+    """Row starts of the map from a cell to its corners."""
+    offsets = np.zeros(1 + sum(len(block) for block in blocks), np.int64)
+    first = start = 0
+    for block in blocks:
+        last, stop = first + len(block), start + block.size
+        offsets[first : last + 1] = np.arange(start, stop + 1, block.shape[1])
+        first, start = last, stop
+    return offsets

@@ -9,7 +9,8 @@ import reference
 import reference_triangles
 from meshes import KINDS, grid, random_mesh
 from qsmooth import Mesh, smooth
-from qsmooth.kernels.angle import onto_bisector
+from qsmooth.kernels.angle import onto_bisector, star_polygons
+from qsmooth.kernels.blocks import FIRST, N_QUADS, N_TRIANGLES, ROWS, SIZE, STAR, build_blocks
 
 DIAMOND = [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 1)]
 RIM = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)]
@@ -36,6 +37,25 @@ def test_no_bisector_without_a_length(zero):
     pairs = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0)]
     pairs[zero] = (0.0, 0.0)
     assert onto_bisector(*pairs[0], *pairs[1], *pairs[2]) == (0.0, 0.0, False)
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("kind", sorted(KINDS))
+def test_polygons_are_those_of_the_reference(kind):
+    mesh = random_mesh(kind, 5, seed=8, amount=0.9, turned=0.5).mesh
+    blocks, cells = build_blocks(mesh.topology.schedule(True)), reference.as_lists(mesh)
+    before = star_polygons(blocks)
+    for block in blocks.table.astype(int):
+        for lane in range(block[SIZE]):
+            v = int(blocks.vertices[block[FIRST] + lane])
+            _, expected = reference_triangles.outline(v, cells)
+            found = {}
+            for k in range(block[N_QUADS] + block[N_TRIANGLES]):
+                corner = 3 * k if k < block[N_QUADS] else block[N_QUADS] + 2 * k
+                pivot = int(blocks.stars[block[STAR] + corner * block[SIZE] + lane])
+                found[pivot] = int(before[block[ROWS] + k * block[SIZE] + lane])
+            assert found == {pivot: expected[pivot] for pivot in found}
+            assert len(found) == block[N_QUADS] + block[N_TRIANGLES]
 
 
 @pytest.mark.nojit

@@ -8,7 +8,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import reference
-from qsmooth.kernels import cell_metrics
+from qsmooth.kernels import cell_figures, cell_lanes, cell_metrics
 
 ROOT2, ROOT3 = math.sqrt(2.0), math.sqrt(3.0)
 NAN, INF = math.nan, math.inf
@@ -45,16 +45,13 @@ CELLS = {
     "collapsed triangle": ([(0, 0), (1, 0), (3, 0)], (0, 180, 3, 0, 0, 0)),
     "lost corner": ([(0, 0), (1, 0), (NAN, 1), (0, 1)], (NAN,) * 6),
 }  # fmt: skip
-NAMES = ("smallest", "largest", "aspect_ratio", "scaled_jacobian", "shape", "area")
 
 
 def measure(xy):
-    """Every metric of one cell, in the order of NAMES."""
+    """Every metric of one cell, in the order of the figures."""
     arguments = np.array(xy, dtype=float), np.array([0, len(xy)]), np.arange(len(xy))
-    out = np.full((6, 1), -99.0)
-    cell_metrics.angles(*arguments, out[0], out[1])
-    for name, row in zip(NAMES[2:], out[2:], strict=True):
-        getattr(cell_metrics, name)(*arguments, row)
+    out, doubtful = np.full((6, 1), -99.0), np.full(1, -99.0)
+    cell_figures.cell_figures(*arguments, out, doubtful)
     return out[:, 0]
 
 
@@ -146,17 +143,32 @@ def test_metrics_agree_with_the_reference(corners):
     assert found == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
+def corner_angle(det, dot):
+    return cell_lanes.degrees_of(cell_lanes.diamond_angle(np.float64(det), np.float64(dot)))
+
+
 @pytest.mark.nojit
 @given(st.floats(0.0, 360.0, exclude_max=True), st.floats(1e-3, 1e3))
 def test_corner_angles_are_in_one_turn(angle, size):
     radians = math.radians(angle)
-    found = cell_metrics.corner_angle(size * math.sin(radians), size * math.cos(radians))
+    det, dot = size * math.sin(radians), size * math.cos(radians)
+    found = corner_angle(det, dot)
     assert 0.0 <= found < 360.0
     assert min(abs(found - angle), 360.0 - abs(found - angle)) < 1e-9
+    exact = math.degrees(math.atan2(det, dot)) % 360.0
+    assert abs(found - exact) <= 4.0 * math.ulp(max(found, exact)) or exact > 359.9999999999999
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("angle", range(0, 360, 45))
+def test_eighths_of_a_turn_are_exact(angle):
+    det, dot = (round(math.sqrt(2.0) * f(math.radians(angle))) for f in (math.sin, math.cos))
+    assert corner_angle(3e-7 * det, 3e-7 * dot) == angle
 
 
 @pytest.mark.nojit
 def test_a_turn_short_of_a_full_one_by_less_than_rounding_is_none():
-    assert cell_metrics.corner_angle(-1e-300, 1.0) == 0.0
-    assert cell_metrics.corner_angle(-0.0, 1.0) == 0.0
-    assert cell_metrics.corner_angle(0.0, -1.0) == 180.0
+    assert corner_angle(-1e-300, 1.0) == 0.0
+    assert corner_angle(-0.0, 1.0) == 0.0
+    assert corner_angle(0.0, -1.0) == 180.0
+    assert corner_angle(0.0, 0.0) == corner_angle(0.0, -0.0) == 0.0

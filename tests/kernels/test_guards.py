@@ -10,7 +10,18 @@ from hypothesis import strategies as st
 import reference
 from meshes import KINDS, grid, random_mesh
 from qsmooth import Mesh
-from qsmooth.kernels import guards
+from qsmooth.kernels import clearance, guards, lanes, lone_guards
+from qsmooth.kernels.blocks import LANES, Block, build_blocks
+from qsmooth.kernels.guard_rows import (
+    LEAST,
+    LOSS,
+    MOST_RATIO,
+    N_GUARD_ROWS,
+    ROWS_OF_LINES,
+    SHORTEST,
+)
+from qsmooth.kernels.lanes import SX, SY, X, Y
+from qsmooth.kernels.lone_guards import Guard
 from qsmooth.kernels.quad import guarded_commit
 from qsmooth.kernels.stars import Moves
 
@@ -27,20 +38,21 @@ pytestmark = pytest.mark.nojit
     ],
 )
 def test_tolerated_loss(longest, largest, expected):
-    assert guards.tolerated_loss(longest, largest) == pytest.approx(expected, rel=1e-12)
-    assert guards.tolerated_loss(2.0**40 * longest, 2.0**40 * largest) == pytest.approx(
+    assert clearance.tolerated_loss(longest, largest) == pytest.approx(expected, rel=1e-12)
+    assert clearance.tolerated_loss(2.0**40 * longest, 2.0**40 * largest) == pytest.approx(
         2.0**40 * expected, rel=1e-12
     )
 
 
 @given(st.floats(1e-30, 1e30))
 def test_tolerated_loss_of_a_point_is_16_spacings(largest):
-    assert guards.tolerated_loss(0.0, largest) == 16.0 * math.ulp(largest)
+    assert clearance.tolerated_loss(0.0, largest) == 16.0 * math.ulp(largest)
 
 
 def commit(mesh, step):
     xy, moves = mesh.xy.copy(), Moves(*np.empty((2, 1)))
-    guarded_commit(xy, mesh.topology.schedule(True), (0, 1), np.array([step]), math.nan, moves)
+    blocks = build_blocks(mesh.topology.schedule(True))
+    guarded_commit(xy, blocks, (0, 1), np.array([step]), math.nan, moves)
     return xy[4] - mesh.xy[4]
 
 
@@ -56,36 +68,97 @@ def test_clearance_may_fall_by_the_tolerated_loss_and_no_more(shift, tau):
     assert not commit(mesh, np.array([8.8, 8.8]) * tau / math.sqrt(2)).any()
 
 
+def gathered(mesh, steps=None):
+    """Each block of a mesh with its scratch: its vertices, star, rows and guard lines."""
+    blocks = build_blocks(mesh.topology.schedule(True))
+    for b in range(len(blocks.table)):
+        block = Block(*blocks.table[b])
+        star, s = np.empty(6 * blocks.largest * LANES), np.full(N_GUARD_ROWS * LANES, np.nan)
+        lines = np.empty(ROWS_OF_LINES * blocks.largest * LANES)
+        lanes.gather_stars(mesh.xy, blocks.vertices, blocks.stars, block, star, s)
+        clearance.guard_lines(star, s, block, lines)
+        first = int(block.first)
+        of_block = blocks.vertices[first : first + int(block.size)]
+        yield block, of_block.tolist(), star, s, lines
+
+
+def row(array, k, lane):
+    """Of row k of an array of rows of lanes."""
+    return float(array[int(k) + lane])
+
+
 @pytest.mark.parametrize("kind", sorted(KINDS))
 def test_lines_and_clearance_are_those_of_the_reference(kind):
     mesh = random_mesh(kind, 5, seed=8, amount=1.0, turned=0.5, shift=(-3.0, 100.0)).mesh
-    schedule = mesh.topology.schedule(True)
     points, cells = reference.as_complex(mesh.xy), reference.as_lists(mesh)
-    lines = np.empty((3 * schedule.largest, 3))
-    for i, v in enumerate(schedule.vertices.tolist()):
-        centre = guards.centre_of(schedule.vertices, schedule.offsets, i)
-        n, longest, shortest, largest = guards.guard_lines(mesh.xy, schedule.corners, centre, lines)
-        expected = reference.guard_lines(points, v, cells)
-        assert n == len(expected)
-        found = guards.clearance(lines, n)
-        assert found == pytest.approx(reference.clearance(expected, points[v]), abs=1e-12)
-        assert guards.tolerated_loss(longest, largest) == pytest.approx(
-            reference.tolerance(points, v, cells)
-        )
-        edges = [abs(points[w] - points[v]) for w in reference.rings(cells, mesh.n_vertices)[v]]
-        assert (shortest, longest) == pytest.approx((min(edges), max(edges)))
+    seen = []
+    for block, vertices, _, s, lines in gathered(mesh):
+        n_lines = int(3 * block.n_quads + block.n_triangles)
+        for lane, v in enumerate(vertices):
+            expected = reference.guard_lines(points, v, cells)
+            found = [row(lines, 3 * LANES * k, lane) for k in range(n_lines)]
+            assert sorted(found) == pytest.approx(
+                sorted(reference.left_of(p, q, points[v]) for p, q in expected), abs=1e-12
+            )
+            tau = reference.tolerance(points, v, cells)
+            assert row(s, LOSS, lane) == pytest.approx(tau)
+            least = reference.clearance(expected, points[v]) - tau
+            assert row(s, LEAST, lane) == pytest.approx(least, abs=1e-12)
+            ring = reference.rings(cells, mesh.n_vertices)[v]
+            shortest = min(abs(points[w] - points[v]) for w in ring)
+            assert row(s, SHORTEST, lane) == pytest.approx(shortest)
+            seen.append(v)
+    assert sorted(seen) == sorted(mesh.topology.schedule(True).vertices.tolist())
 
 
 def test_a_line_of_no_length_is_left_out():
     points, cells = grid(2, 2)
     points[5] = points[2]  # the lower right square loses a side
     mesh = Mesh(points, cells)
-    schedule = mesh.topology.schedule(True)
-    lines = np.empty((12, 3))
-    centre = guards.centre_of(schedule.vertices, schedule.offsets, 0)
-    n, *_ = guards.guard_lines(mesh.xy, schedule.corners, centre, lines)
-    assert (
-        n
-        == 11
-        == len(reference.guard_lines(reference.as_complex(points), 4, reference.as_lists(mesh)))
-    )
+    ((_, _, _, s, lines),) = gathered(mesh)
+    distances = [row(lines, 3 * LANES * k, 0) for k in range(12)]
+    assert distances.count(math.inf) == 1
+    kept = reference.guard_lines(reference.as_complex(points), 4, reference.as_lists(mesh))
+    assert len(kept) == 11
+    assert row(s, LEAST, 0) == pytest.approx(reference.clearance(kept, complex(*points[4])))
+
+
+# ------------------------------------------------------------------------------- lanes and alone
+
+
+@pytest.mark.parametrize("even", [False, True])
+@pytest.mark.parametrize("good", [math.nan, 0.5, 0.9])
+@pytest.mark.parametrize("tangled", [0.0, 0.7])
+@pytest.mark.parametrize("kind", ["quads", "triangles", "mixed"])
+def test_all_lanes_together_take_the_steps_that_each_takes_alone(kind, tangled, good, even):
+    # Steps of all lengths, and some of none, on a mesh that is valid and on one that is not: whole,
+    # halved and refused ones are met, and lanes in doubt.
+    mesh = random_mesh(kind, 6, seed=8, amount=0.9, turned=0.5).mesh
+    rng = np.random.default_rng(5)
+    shake = tangled * rng.uniform(-1.0, 1.0, mesh.points.shape) * ~mesh.is_boundary[:, None]
+    mesh = mesh.with_points(mesh.points + shake)
+    shares = []
+    for block, vertices, star, s, lines in gathered(mesh):
+        n = int(block.size)
+        steps = rng.normal(size=(2, n)) * 10.0 ** rng.uniform(-17.0, 0.5, n)
+        steps[:, rng.uniform(size=n) < 0.1] = 0.0
+        s[int(SX) : int(SX) + n], s[int(SY) : int(SY) + n] = steps
+        for lane in range(n):
+            place = row(s, X, lane), row(s, Y, lane)
+            present = lone_guards.star_edge_ratio(star, block, np.uint64(lane), *place)
+            s[int(MOST_RATIO) + lane] = max(4.0, present) if even else math.inf
+        guard = Guard(good, True, even)
+        places = [
+            lone_guards.lone_step(star, s, lines, block, guard, np.uint64(lane))
+            for lane in range(n)
+        ]
+        xy, lengths, of_edges = mesh.xy.copy(), np.empty(n), np.empty(n)
+        ids, own = np.array(vertices, np.uint32), block._replace(first=np.uint64(0))
+        guards.guarded_moves(xy, ids, own, guard, star, s, lines, lengths, of_edges)
+        assert np.array_equal(xy[vertices], places)
+        assert lengths == pytest.approx(np.hypot(*(xy - mesh.xy)[vertices].T))
+        others = np.delete(np.arange(mesh.n_vertices), vertices)
+        assert np.array_equal(xy[others], mesh.xy[others])
+        wanted = np.hypot(*steps)
+        shares.extend((lengths[wanted > 1e-9] / wanted[wanted > 1e-9]).round(3))
+    assert {0.0, 1.0} <= set(shares)

@@ -7,9 +7,11 @@ import reference
 from meshes import KINDS, fan, grid, random_mesh
 from qsmooth import Mesh, smooth
 from qsmooth.kernels._jit import use_threads
-from qsmooth.kernels.angle import angle_sweep
+from qsmooth.kernels.angle import angle_sweep, star_polygons
+from qsmooth.kernels.blocks import LANES, build_blocks
 from qsmooth.kernels.centroid import centroid_sweep
 from qsmooth.kernels.laplacian import laplacian_sweep
+from qsmooth.kernels.ring_blocks import build_ring_blocks
 from qsmooth.kernels.stars import Moves, Rings
 
 
@@ -72,12 +74,21 @@ def test_smart_sweeps_agree_with_the_reference(kind, guard):
         agree(mesh, result.mesh.xy, points)
 
 
+def ring_blocks(mesh):
+    movable = np.sort(mesh.topology.schedule(True).vertices)
+    return build_ring_blocks(movable, Rings(*mesh.topology.rings))
+
+
 AT_ONCE = {
     "laplacian": lambda mesh, stars, xy, moves: laplacian_sweep(
-        mesh.xy, Rings(mesh.ring_offsets, mesh.ring_vertices), stars, xy, moves
+        mesh.xy, ring_blocks(mesh), xy, moves
     ),
-    "centroid": lambda mesh, stars, xy, moves: centroid_sweep(mesh.xy, stars, xy, moves),
-    "angle": lambda mesh, stars, xy, moves: angle_sweep(mesh.xy, stars, 0.7, xy, moves),
+    "centroid": lambda mesh, stars, xy, moves: centroid_sweep(
+        mesh.xy, build_blocks(stars), xy, moves
+    ),
+    "angle": lambda mesh, stars, xy, moves: angle_sweep(
+        mesh.xy, build_blocks(stars), star_polygons(build_blocks(stars)), 0.7, xy, moves
+    ),
 }
 
 
@@ -85,12 +96,43 @@ AT_ONCE = {
 def test_sweeps_all_at_once_measure_their_moves_on_any_number_of_threads(name):
     mesh = random_mesh("mixed", 6, seed=23, amount=0.9).mesh
     stars = mesh.topology.schedule(True)
+    order = (ring_blocks(mesh) if name == "laplacian" else build_blocks(stars)).vertices
     found = []
     for threads in (1, 2):
         xy, moves = mesh.xy.copy(), Moves(*np.full((2, stars.vertices.size), np.nan))
         with use_threads(threads):
             AT_ONCE[name](mesh, stars, xy, moves)
-        assert np.hypot(*(xy - mesh.xy)[stars.vertices].T) == pytest.approx(moves.lengths)
+        assert np.hypot(*(xy - mesh.xy)[order].T) == pytest.approx(moves.lengths)
         assert (moves.shares > 0.0).all()
         found.append([xy.tobytes(), moves.lengths.tobytes(), moves.shares.tobytes()])
     assert found[0] == found[1]
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("kind", sorted(KINDS))
+def test_blocks_of_rings_hold_each_movable_vertex_once_with_all_its_neighbours(kind):
+    mesh = random_mesh(kind, 12, seed=4).mesh
+    table, vertices, neighbours = ring_blocks(mesh)
+    assert sorted(vertices.tolist()) == np.flatnonzero(~mesh.is_fixed).tolist()
+    rings = reference.rings(reference.as_lists(mesh), mesh.n_vertices)
+    vertex, entry = 0, 0
+    for first, size, n_neighbours, start in table.tolist():
+        assert (first, start) == (vertex, entry)
+        assert 0 < size <= LANES
+        for v in vertices[first : first + size].tolist():
+            assert neighbours[entry : entry + n_neighbours].tolist() == rings[v]
+            entry += n_neighbours
+        vertex += size
+    assert (vertex, entry) == (vertices.size, neighbours.size)
+
+
+@pytest.mark.nojit
+def test_a_move_from_an_edge_of_no_length_is_an_infinite_share():
+    points, cells = grid(2, 2)
+    points[4] = points[1]
+    mesh = Mesh(points, cells)
+    xy, moves = mesh.xy.copy(), Moves(np.zeros(1), np.zeros(1))
+    laplacian_sweep(mesh.xy, ring_blocks(mesh), xy, moves)
+    assert moves.shares[0] == np.inf
+    laplacian_sweep(xy.copy(), ring_blocks(mesh), xy, moves)
+    assert moves.shares[0] == 0.0

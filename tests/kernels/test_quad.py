@@ -8,6 +8,7 @@ import pytest
 import reference
 from meshes import KINDS, grid, random_mesh
 from qsmooth import Mesh, smooth
+from qsmooth.kernels.blocks import build_blocks
 from qsmooth.kernels.proposals import thresholds
 from qsmooth.kernels.quad import guarded_commit, quad_proposals
 from qsmooth.kernels.stars import Moves
@@ -17,13 +18,13 @@ ROOT2 = math.sqrt(2.0)
 
 def propose(mesh, *, step=0.5, active=None, angles=(120.0, 60.0, 90.0, 45.0)):
     """Displacements that a sweep wants, of the movable vertices."""
-    stars = mesh.topology.schedule(True)
+    blocks = build_blocks(mesh.topology.schedule(True))
     pace = np.ones(mesh.n_cells)
     if active is not None:
         pace[:] = 0.0
         pace[active] = 1.0
-    wanted = np.full((stars.vertices.size, 2), np.nan)
-    quad_proposals(mesh.xy, stars, pace, thresholds(*angles), step, wanted)
+    wanted = np.full((blocks.vertices.size, 2), np.nan)
+    quad_proposals(mesh.xy, blocks, pace, thresholds(*angles), step, wanted)
     return wanted
 
 
@@ -32,7 +33,7 @@ def commit(mesh, wanted, *, good=math.nan):
     xy = mesh.xy.copy()
     moves = Moves(*np.full((2, stars.vertices.size), np.nan))
     colours = 0, stars.colour_offsets.size - 1
-    guarded_commit(xy, stars, colours, np.array(wanted, dtype=float), good, moves)
+    guarded_commit(xy, build_blocks(stars), colours, np.array(wanted, dtype=float), good, moves)
     return xy, moves.lengths, moves.shares
 
 

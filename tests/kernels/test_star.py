@@ -9,6 +9,7 @@ import pytest
 import reference
 from meshes import KINDS, grid, random_mesh
 from qsmooth import Mesh, smooth
+from qsmooth.kernels.blocks import build_blocks
 from qsmooth.kernels.proposals import thresholds
 from qsmooth.kernels.star import star_sweep
 from qsmooth.kernels.stars import Moves
@@ -21,14 +22,14 @@ def sweep(
 ):
     """Run one sweep; returns new coordinates, moves and shares of the movable vertices."""
     stars = mesh.topology.schedule(True)
-    xy = mesh.xy.copy()
+    blocks, xy = build_blocks(stars), mesh.xy.copy()
     moves = Moves(*np.full((2, stars.vertices.size), np.nan))
     pace = np.ones(mesh.n_cells)
     if active is not None:
         pace[:] = 0.0
         pace[active] = 1.0
     for some in colours or [(0, stars.colour_offsets.size - 1)]:
-        star_sweep(xy, stars, some, pace, thresholds(*angles), step, good, moves)
+        star_sweep(xy, blocks, some, pace, thresholds(*angles), step, good, moves)
     return xy, moves.lengths, moves.shares
 
 
@@ -116,10 +117,10 @@ def test_colours_one_by_one_are_the_whole_sweep_to_the_bit():
 def test_a_pace_scales_the_step_of_a_cell():
     mesh = four_squares((0.75, 0.75))
     slow, *_ = sweep(mesh, step=0.25)
-    stars, xy = mesh.topology.schedule(True), mesh.xy.copy()
+    blocks, xy = build_blocks(mesh.topology.schedule(True)), mesh.xy.copy()
     moves = Moves(*np.empty((2, 1)))
     angles = thresholds(120.0, 60.0, 90.0, 45.0)
-    star_sweep(xy, stars, (0, 1), np.full(4, 0.5), angles, 0.5, math.nan, moves)
+    star_sweep(xy, blocks, (0, 1), np.full(4, 0.5), angles, 0.5, math.nan, moves)
     assert np.array_equal(xy, slow)
 
 

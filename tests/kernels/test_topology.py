@@ -98,7 +98,8 @@ def test_twins_are_the_two_sides_of_one_edge():
     points, cells = grid(3, 2)
     vertices = cells[0].ravel()
     offsets = np.arange(0, vertices.size + 1, 4)
-    twins, n_bad, first_bad = topology.edge_twins(len(points), offsets, vertices)
+    stars = topology.stars(len(points), offsets, vertices)
+    twins, n_bad, first_bad = topology.edge_twins(offsets, vertices, *stars)
     assert (n_bad, first_bad) == (0, -1)
     inside = np.flatnonzero(twins >= 0)
     assert len(inside) == 2 * 7

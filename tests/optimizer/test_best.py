@@ -36,7 +36,7 @@ def best_of(*, mean_loss=0.1, enough=None, kind="ideal", given=GIVEN, keep_mean=
         def measure(self, xy):
             return said[-1]
 
-    progress = Progress(Optimize(), quality(mesh).summary())
+    progress = Progress(Optimize(), quality(mesh))
     best = Said(lanes, mesh.xy, progress, mean_loss=mean_loss, enough=enough, keep_mean=keep_mean)
 
     def offer(how, *arguments, **figures):
@@ -62,7 +62,7 @@ def test_figures_are_those_of_quality():
     mesh = random_mesh("mixed", 5, seed=1, amount=0.8).mesh
     lanes = Lanes(mesh.topology, mesh.topology.schedule(True), threads_for(1, mesh.n_vertices))
     lanes.aim_at(ideal(mesh.topology))
-    progress = Progress(Optimize(), quality(mesh).summary())
+    progress = Progress(Optimize(), quality(mesh))
     own, found = quality(mesh), Best(lanes, mesh.xy, progress, mean_loss=0.1, enough=None).figures
     assert found.shape == pytest.approx(own.shape.mean(), rel=1e-12)
     assert found.plain_shape == pytest.approx(own.shape.mean(), rel=1e-12)
@@ -139,6 +139,16 @@ def test_nothing_to_gain_is_no_move():
     assert np.array_equal(best.xy, start)
     assert best.figures is GIVEN
     assert kept(offer, "offer", shape=0.8 + 1.1 * LEAST_GAIN)
+    best.settle()
+    assert not np.array_equal(best.xy, start)
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("figures", [{"low_angle": 31.0}, {"least_shape": 0.42}])
+def test_low_angles_and_the_worst_shape_are_gains_too(figures):
+    best, offer = best_of()
+    start = best.xy.copy()
+    assert kept(offer, "offer_overall", 0.0, 0.0, **figures)
     best.settle()
     assert not np.array_equal(best.xy, start)
 

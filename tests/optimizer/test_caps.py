@@ -101,7 +101,7 @@ def settled_but_far_from_the_worst(seed):
     return settled.with_points(settled.points + shift * (0.25 * shortest * far)[:, None])
 
 
-@pytest.mark.parametrize("seed", [2, 3, 7])
+@pytest.mark.parametrize("seed", [2, 7, 13])
 def test_one_region_does_not_veto_what_others_gain(monkeypatch, seed):
     mesh = settled_but_far_from_the_worst(seed)
     for method in (Optimize(target="ideal"), Optimize(target="ideal", worst=False)):

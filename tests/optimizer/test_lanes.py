@@ -29,7 +29,7 @@ def lanes_of(mesh, targets=None):
 def one_round(lanes, mesh, wall):
     """Coordinates after a round of sweeps, and the vertices in their order."""
     xy = mesh.xy.copy()
-    lanes.newton(xy, wall, Progress(Optimize(), quality(mesh).summary()))
+    lanes.newton(xy, wall, Progress(Optimize(), quality(mesh)))
     return xy, lanes._blocks.vertices.tolist()
 
 
@@ -205,7 +205,7 @@ def test_weighing_is_of_good_towards_what_is_meant(target):
 
 def test_the_mean_shape_gains_where_weighed_where_the_energy_has_settled():
     mesh = examples.random_triangles(300, seed=4)
-    lanes, progress = lanes_of(mesh), Progress(Optimize(), quality(mesh).summary())
+    lanes, progress = lanes_of(mesh), Progress(Optimize(), quality(mesh))
     xy = mesh.xy.copy()
     for _ in range(30):
         lanes.newton(xy, NO_WALL, progress)

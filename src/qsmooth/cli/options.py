@@ -8,6 +8,7 @@ from __future__ import annotations
 import copy
 import functools
 import inspect
+import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -123,8 +124,6 @@ class ShellOption:
     @property
     def help(self) -> str:
         """What it is for, its range, its default; and where these are not the same for all."""
-        from rich.markup import escape
-
         usual = self.usual
         said = [usual.help]
         if self.kind == "choice":
@@ -134,8 +133,8 @@ class ShellOption:
             said += [f"Of {name}: {text[0].lower()}{text[1:]}" for name, text in others]
         if self.range:
             said.append(f"{self.range[0].upper()}{self.range[1:]}.")
-        text = escape(spelled(" ".join(filter(None, said)), spell))
-        return text + (f"  [dim]\\[default: {escape(self.default)}][/dim]" if self.default else "")
+        text = _escape(spelled(" ".join(filter(None, said)), spell))
+        return text + (f"  [dim]\\[default: {_escape(self.default)}][/dim]" if self.default else "")
 
     def _only_of(self, choice: Any) -> str:
         having = [name for name, spec in self.specs.items() if choice in spec.choices]
@@ -254,6 +253,11 @@ def default_words(spec: Spec) -> str:
 def range_words(spec: Spec) -> str:
     """Write the range of a number; choices stand beside the name of their option."""
     return "" if spec.interval is None else spec.interval.words(spec.unit)
+
+
+def _escape(text: str) -> str:
+    """Keep what looks like markup from being taken for it, as rich.markup would, slow to load."""
+    return re.sub(r"(\\*)(\[[a-z#/@][^[]*?])", r"\1\1\\\2", text)
 
 
 def _panel(having: list[str], every: list[str]) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import logging
 import sys
 import textwrap
 from collections.abc import Callable, Iterator
@@ -104,6 +105,23 @@ def say(text: str) -> None:
     with contextlib.suppress(OSError, ValueError):
         sys.stderr.write(line.encode(encoding, "replace").decode(encoding) + "\n")
         sys.stderr.flush()
+
+
+class _OnTerminal(logging.Handler):
+    def emit(self, record: logging.LogRecord) -> None:
+        if _is_terminal(sys.stderr):
+            say(record.getMessage())
+
+
+@contextlib.contextmanager
+def told_of_compiling() -> Iterator[None]:
+    """Say on a terminal that kernels compile, which takes seconds and happens once."""
+    logger, handler = logging.getLogger("qsmooth"), _OnTerminal()
+    logger.addHandler(handler)
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
 
 
 @contextlib.contextmanager

@@ -221,8 +221,10 @@ def _growth(first: float, n: int) -> float:
 
 def _scaled_jacobian(mesh: Mesh) -> FloatArray:
     # Here, as a kernel brings Numba, which the other grids do not need.
-    from qsmooth.kernels.cell_metrics import scaled_jacobian
+    from qsmooth.kernels.cell_figures import N_FIGURES, SCALED_JACOBIAN, cell_figures
+    from qsmooth.kernels.cell_lanes import n_chunks
 
-    score = np.empty(mesh.n_cells)
-    scaled_jacobian(mesh.xy, mesh.cell_offsets, mesh.cell_vertices, score)
+    out = np.empty((N_FIGURES, mesh.n_cells))
+    cell_figures(mesh.xy, *mesh.topology.cells, out, np.empty(n_chunks(mesh.n_cells)))
+    score: FloatArray = out[SCALED_JACOBIAN]
     return score

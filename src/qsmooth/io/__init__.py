@@ -127,7 +127,7 @@ def format_of(path: PathLike, mesh: Mesh, *, format: str | None = None) -> str:
     path = Path(path)
     source = mesh.source if isinstance(mesh.source, FileContent) else None
     name = format or _name_for(path, source)
-    if name not in formats():
+    if named(name) is None and name not in formats():  # meshio is asked last: it is slow to load
         raise MeshError(f"cannot write '{path}': unknown format {name!r}, known are {_known()}")
     return name
 

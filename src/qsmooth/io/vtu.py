@@ -11,7 +11,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 from xml.etree import ElementTree
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 import numpy.typing as npt
@@ -31,6 +30,11 @@ DTYPES = {f"Int{8 * size}": f"i{size}" for size in (1, 2, 4, 8)}
 DTYPES |= {f"UInt{8 * size}": f"u{size}" for size in (1, 2, 4, 8)}
 DTYPES |= {"Float32": "f4", "Float64": "f8"}
 NAMES = {dtype: name for name, dtype in DTYPES.items()}
+# What an attribute may not have as it is; xml.sax.saxutils, which knows, loads a web client.
+ESCAPED = str.maketrans(
+    {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;"}
+    | {space: f"&#{ord(space)};" for space in "\n\r\t"}
+)
 BLOCK = 1 << 15  # bytes that VTK compresses at a time
 
 Codec = tuple[Callable[[bytes], bytes], Callable[[bytes], bytes]]
@@ -399,7 +403,7 @@ def _section(tag: str, arrays: dict[str, Any]) -> list[str]:
         components = f' NumberOfComponents="{array[0].size}"' if array.ndim > 1 else ""
         tuples = f' NumberOfTuples="{len(array)}"' if tag == "FieldData" else ""
         lines.append(
-            f'<DataArray type="{NAMES[array.dtype.str[1:]]}" Name={quoteattr(name)}'
+            f'<DataArray type="{NAMES[array.dtype.str[1:]]}" Name="{name.translate(ESCAPED)}"'
             f'{components}{tuples} format="binary">'
         )
         lines += [storage.encode(raw, True).decode(), "</DataArray>"]

@@ -1,6 +1,8 @@
 """The compile flags of every kernel, set nowhere else, and the choice of threads."""
 
 import functools
+import multiprocessing
+import os
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -8,25 +10,78 @@ from types import FunctionType
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.core import event
+from numba.extending import typeof_impl
+
+from qsmooth.kernels import compiling
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 # Numba has type hints in some versions and none in others.
 _njit: Any = numba.njit
 _config: Any = numba.config
+_layer: Any = numba.threading_layer  # type: ignore[attr-defined, unused-ignore]
 # Python's error model tests every division for zero and so stops vectorisation.
 _COMMON = {"error_model": "numpy"}
-_KERNEL = {**_COMMON, "cache": True, "nogil": True}
+_KERNEL = {**_COMMON, "cache": True, "nogil": True, "no_cfunc_wrapper": True}
+
+
+class _Listener(event.Listener):
+    """Passes on what Numba says of compiling; not of what it finds in its cache."""
+
+    def on_start(self, event: Any) -> None:
+        module = event.data["dispatcher"].py_func.__module__
+        compiling.begin(of_ours=module.startswith("qsmooth."))
+
+    def on_end(self, event: Any) -> None:
+        compiling.end()
+
+
+_register: Any = event.register
+_register("numba:compile", _Listener())
+
+
+class Helper:
+    """A function that kernels call: compiled into them, with nothing that Python could call.
+
+    What Numba wraps around a function so that Python and C can call it is a quarter of the compile
+    time. Python gets a form of its own.
+    """
+
+    def __init__(self, function: FunctionType, **options: Any) -> None:
+        functools.update_wrapper(self, function)
+        self._function, self._options = function, {**_COMMON, **options}
+        self.inside = _njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **self._options)(
+            function
+        )
+
+    @functools.cached_property
+    def _outside(self) -> Callable[..., Any]:
+        return cast("Callable[..., Any]", _njit(**self._options)(self._function))
+
+    def __call__(self, *args: Any) -> Any:
+        return self._outside(*args)
+
+
+@typeof_impl.register(Helper)
+def _type_of_helper(helper: Helper, context: object) -> Any:
+    return typeof_impl(helper.inside, context)
+
+
+def _compiled(**options: Any) -> Callable[[F], F]:
+    if _config.DISABLE_JIT:
+        return lambda function: function
+    return cast("Callable[[F], F]", functools.partial(Helper, **options))
 
 
 def helper() -> Callable[[F], F]:
     """Compile a small function of scalars, which LLVM inlines into its kernels."""
-    return cast("Callable[[F], F]", _njit(**_COMMON))
+    return _compiled()
 
 
 def lane_helper() -> Callable[[F], F]:
     """Compile what a loop over lanes calls: always inlined, as a call stops vectorisation."""
-    return cast("Callable[[F], F]", _njit(forceinline=True, **_COMMON))
+    return _compiled(forceinline=True)
 
 
 def inlined_helper() -> Callable[[F], F]:
@@ -35,7 +90,7 @@ def inlined_helper() -> Callable[[F], F]:
     A call with arrays passes seven numbers and more for each, which LLVM does not reckon with: the
     Laplacian sweep is half as slow again with a call for the mean of a ring.
     """
-    return cast("Callable[[F], F]", _njit(forceinline=True, **_COMMON))
+    return _compiled(forceinline=True)
 
 
 def strict_helper() -> Callable[[F], F]:
@@ -43,7 +98,7 @@ def strict_helper() -> Callable[[F], F]:
 
     LLVM then neither reorders nor fuses the operations, as the error bounds assume.
     """
-    return cast("Callable[[F], F]", _njit(fastmath=False, **_COMMON))
+    return _compiled(fastmath=False)
 
 
 def kernel() -> Callable[[F], F]:
@@ -52,30 +107,58 @@ def kernel() -> Callable[[F], F]:
 
 
 class _Threads(threading.local):
-    count = 1
+    chosen = False
 
 
+# Whether this Python thread has told Numba on how many threads parallel kernels run.
 _threads = _Threads()
+# Numba's workqueue ends the process where two Python threads run parallel regions at a time.
+_region = threading.Lock()
+
+
+class _Pool:
+    """Whether parallel regions may run in this process.
+
+    GNU's OpenMP does not survive a fork: Numba ends a child that uses what its parent launched.
+    """
+
+    def __init__(self) -> None:
+        # A pool that was there before may be the parent's too.
+        self.inherited = multiprocessing.parent_process() is not None and self.layer == "omp"
+        if hasattr(os, "register_at_fork"):
+            os.register_at_fork(after_in_child=self._after_fork)
+
+    def _after_fork(self) -> None:
+        self.inherited = self.layer == "omp"
+
+    @property
+    def layer(self) -> str:
+        """Numba's threading layer; nothing before its first use."""
+        try:
+            return str(_layer())
+        except ValueError:
+            return ""
+
+    @functools.cached_property
+    def one_at_a_time(self) -> bool:
+        """Whether only one Python thread may be in a parallel region; asked after the launch."""
+        return self.layer == "workqueue"
+
+
+_pool = _Pool()
 
 
 @contextmanager
 def use_threads(count: int) -> Iterator[None]:
     """Run parallel kernels on `count` threads inside the block (of this Python thread)."""
-    before = _threads.count
-    _threads.count = count
-    if count == 1:  # do not even start Numba's thread pool
-        try:
-            yield
-        finally:
-            _threads.count = before
-        return
-    pool_before = numba.get_num_threads()
+    chosen, before = _threads.chosen, numba.get_num_threads()
     numba.set_num_threads(count)
+    _threads.chosen = True
     try:
         yield
     finally:
-        numba.set_num_threads(pool_before)
-        _threads.count = before
+        numba.set_num_threads(before)
+        _threads.chosen = chosen
 
 
 def available_threads() -> int:
@@ -84,15 +167,17 @@ def available_threads() -> int:
 
 
 class ParallelKernel:
-    """One body compiled twice: a plain loop for one thread, a parallel one for several.
+    """A loop over `prange`, compiled once for any number of threads.
 
-    Entering a parallel region costs 5 to 40 microseconds, and milliseconds on busy cores; a sweep
-    of a small mesh is over before that. Neither form has fastmath, so both give the same bits.
+    On one thread, which is what runs where `use_threads` says nothing, entering a parallel region
+    costs a microsecond. A serial twin is compiled where no region can run: in a forked child under
+    GNU's OpenMP, and beside another Python thread's under workqueue. Neither form has fastmath, so
+    both give the same bits.
     """
 
     def __init__(self, function: FunctionType) -> None:
         functools.update_wrapper(self, function)
-        self.serial = _njit(**_KERNEL)(function)
+        self._function = function
         # Numba's cache tells functions apart by name, line and bytecode, not by flags: without a
         # name of its own the parallel form would be loaded where the serial one is wanted.
         twin = FunctionType(
@@ -102,10 +187,28 @@ class ParallelKernel:
         twin.__qualname__ = function.__qualname__ + "_parallel"
         self.parallel = _njit(parallel=True, **_KERNEL)(twin)
 
+    @functools.cached_property
+    def serial(self) -> Callable[..., None]:
+        """The plain loop."""
+        return cast("Callable[..., None]", _njit(**_KERNEL)(self._function))
+
     def __call__(self, *args: Any) -> None:
-        (self.serial if _threads.count == 1 else self.parallel)(*args)
+        if not _threads.chosen:
+            with use_threads(1):
+                self(*args)
+        elif _pool.inherited:
+            self.serial(*args)
+        elif not _pool.one_at_a_time:
+            self.parallel(*args)
+        elif _region.acquire(blocking=False):
+            try:
+                self.parallel(*args)
+            finally:
+                _region.release()
+        else:
+            self.serial(*args)
 
 
 def parallel_kernel() -> Callable[[F], F]:
-    """Compile a loop over `prange` that runs on as many threads as `use_threads` says."""
+    """Compile a loop over `prange`, which runs on as many threads as `use_threads` says."""
     return cast("Callable[[F], F]", ParallelKernel)

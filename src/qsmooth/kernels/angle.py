@@ -1,18 +1,68 @@
 """Angle-based smoothing: every edge at a vertex turns to the bisector at its other end."""
 
-import math
-
 import numpy as np
 from numba import prange
 
 from qsmooth._types import FloatArray, TableArray
-from qsmooth.kernels._jit import helper, inlined_helper, parallel_kernel
-from qsmooth.kernels.geometry import distance, share
-from qsmooth.kernels.guards import NO_FENCE, centre_of, guarded_move
-from qsmooth.kernels.stars import CHUNK, NO_VERTEX, Centre, Moves, Stars, Step
+from qsmooth.kernels._jit import helper, kernel, lane_helper, parallel_kernel
+from qsmooth.kernels.blocks import LANES, Block, Blocks, block_at
+from qsmooth.kernels.guard_rows import (
+    FIRST_X,
+    FIRST_Y,
+    N_GUARD_ROWS,
+    SHORTEST,
+    SUM_X,
+    SUM_Y,
+    WEIGHT,
+)
+from qsmooth.kernels.guards import guarded_moves, unguarded_moves
+from qsmooth.kernels.lanes import (
+    ROW,
+    ROW2,
+    ROW3,
+    ROW4,
+    ROW6,
+    SX,
+    SY,
+    X,
+    Y,
+    gather_stars,
+    smaller,
+)
+from qsmooth.kernels.lone_guards import Guard
+from qsmooth.kernels.stars import Moves
 
 
-@helper()
+@kernel()
+def star_polygons(blocks: Blocks) -> TableArray:
+    """Find what goes before each edge neighbour in the polygon round its vertex.
+
+    Returns
+    -------
+    before : (n_rows,)
+        In the order of `Blocks.cells`: for the next corner a of each cell, the vertex before a in
+        the cell on the other side of the edge to a; a itself where there is none.
+    """
+    table, stars = blocks.table, blocks.stars
+    before = np.empty(blocks.cells.size, np.uint32)
+    for b in range(table.shape[0]):
+        block = block_at(table, b)
+        n, quads = block.size, block.n_quads
+        for lane in range(n):
+            star = block.start + lane
+            for k in range(quads + block.n_triangles):
+                at = star + (3 * k if k < quads else quads + 2 * k) * n
+                found = stars[at]
+                for j in range(quads + block.n_triangles):
+                    # The last corner of a cell and the one before it.
+                    last = star + (3 * j + 2 if j < quads else quads + 2 * j + 1) * n
+                    if stars[last] == stars[at]:
+                        found = stars[last - n]
+                before[block.rows + k * n + lane] = found
+    return before
+
+
+@lane_helper()
 def onto_bisector(
     vx: float, vy: float, ux: float, uy: float, wx: float, wy: float
 ) -> tuple[float, float, bool]:
@@ -25,92 +75,115 @@ def onto_bisector(
     found
         False where there is no such angle: u, v or w is at the origin.
     """
-    length = math.sqrt(vx * vx + vy * vy)
-    side = math.sqrt(ux * ux + uy * uy)
-    if length == 0.0 or side == 0.0 or (wx == 0.0 and wy == 0.0):
-        return 0.0, 0.0, False
-    half = 0.5 * math.atan2(ux * wy - uy * wx, ux * wx + uy * wy)
-    if half < 0.0:  # a reflex angle
-        half += math.pi
-    along, across = length / side * math.cos(half), length / side * math.sin(half)
-    return along * ux - across * uy, along * uy + across * ux, True
+    vv, uu, ww = vx * vx + vy * vy, ux * ux + uy * uy, wx * wx + wy * wy
+    inv = 1.0 / np.sqrt(uu * ww)
+    cosine, sine = (ux * wx + uy * wy) * inv, (ux * wy - uy * wx) * inv
+    # A vector at half the angle, in (0, π]: of the two that there are the one that is not short.
+    sharp = cosine > 0.0
+    hx = 1.0 + cosine if sharp else sine
+    hy = sine if sharp else 1.0 - cosine
+    reflex = sharp & (sine < 0.0)
+    scale = np.sqrt(vv / (uu * (hx * hx + hy * hy)))
+    scale = -scale if reflex else scale
+    x, y = (hx * ux - hy * uy) * scale, (hx * uy + hy * ux) * scale
+    found = (vv > 0.0) & (uu > 0.0) & (ww > 0.0)
+    return x if found else 0.0, y if found else 0.0, found
 
 
-@inlined_helper()
-def step_to_bisectors(xy: FloatArray, corners: TableArray, centre: Centre, step: float) -> Step:
-    """Step towards the mean of the places that the edges of a vertex turn it to.
+@helper()
+def _gather_before(xy: FloatArray, polygons: TableArray, row: int, n: int, s: FloatArray) -> None:
+    for i in range(n):
+        w = polygons[row + i]
+        s[FIRST_X + i], s[FIRST_Y + i] = xy[w, 0], xy[w, 1]
+
+
+@helper()
+def _add_bisector(star: FloatArray, s: FloatArray, at: int, n: int) -> None:
+    """Add the step to which the edge to the next corner of a cell turns each vertex."""
+    for i in range(n):
+        px, py = star[at + i], star[at + ROW + i]
+        dx, dy = px - s[X + i], py - s[Y + i]
+        x, y, found = onto_bisector(
+            -dx, -dy, star[at + ROW2 + i] - px, star[at + ROW3 + i] - py,
+            s[FIRST_X + i] - px, s[FIRST_Y + i] - py,
+        )  # fmt: skip
+        s[SUM_X + i] += dx + x if found else 0.0
+        s[SUM_Y + i] += dy + y if found else 0.0
+        s[WEIGHT + i] += 1.0 if found else 0.0
+        s[SHORTEST + i] = smaller(dx * dx + dy * dy, s[SHORTEST + i])
+
+
+@helper()
+def steps_to_bisectors(
+    xy: FloatArray,
+    star: FloatArray,
+    s: FloatArray,
+    block: Block,
+    polygons: TableArray,
+    step: float,
+) -> None:
+    """Fill rows SX, SY and SHORTEST of a block: to the means of where its edges turn each vertex.
 
     Parameters
     ----------
+    polygons
+        As `star_polygons` finds them.
     step
-        Fraction of the way to the mean.
-
-    Returns
-    -------
-    step
-        Zero where no edge has a bisector to turn to.
+        Fraction of the way to the mean; a vertex whose edges have no bisector has no step.
     """
-    first, last = centre.first, centre.last
-    x, y = xy[centre.v, 0], xy[centre.v, 1]
-    sx, sy, count, shortest = 0.0, 0.0, 0, np.inf
-    for row in range(first, last):
-        p = corners[row, 0]
-        px, py = xy[p, 0], xy[p, 1]
-        shortest = min(shortest, distance(x, y, px, py))
-        # The star polygon runs on from p in this cell, and comes to p in the one on its other side.
-        after = corners[row, 1] if corners[row, 1] != NO_VERTEX else corners[row, 2]
-        before = NO_VERTEX
-        for other in range(first, last):
-            if corners[other, 2] == p:
-                before = corners[other, 1] if corners[other, 1] != NO_VERTEX else corners[other, 0]
-        if before == NO_VERTEX:
-            continue
-        new_x, new_y, found = onto_bisector(
-            x - px, y - py, xy[after, 0] - px, xy[after, 1] - py,
-            xy[before, 0] - px, xy[before, 1] - py,
-        )  # fmt: skip
-        if found:
-            sx += (px - x) + new_x
-            sy += (py - y) + new_y
-            count += 1
-    if count == 0:
-        return Step(0.0, 0.0, shortest)
-    return Step(step * (sx / count), step * (sy / count), shortest)
+    n, quads = block.size, block.n_quads
+    for i in range(n):
+        s[SUM_X + i], s[SUM_Y + i], s[WEIGHT + i], s[SHORTEST + i] = 0.0, 0.0, 0.0, np.inf
+    for k in range(quads + block.n_triangles):
+        _gather_before(xy, polygons, block.rows + k * n, n, s)
+        _add_bisector(star, s, k * ROW6 if k < quads else quads * ROW2 + k * ROW4, n)
+    for i in range(n):
+        found = s[WEIGHT + i] > 0.0
+        x, y = s[SUM_X + i] / s[WEIGHT + i], s[SUM_Y + i] / s[WEIGHT + i]
+        s[SX + i], s[SY + i] = step * x if found else 0.0, step * y if found else 0.0
+        s[SHORTEST + i] = np.sqrt(s[SHORTEST + i])
 
 
 @parallel_kernel()
 def angle_sweep(
-    xy: FloatArray, stars: Stars, step: float, xy_out: FloatArray, moves: Moves
+    xy: FloatArray,
+    blocks: Blocks,
+    polygons: TableArray,
+    step: float,
+    xy_out: FloatArray,
+    moves: Moves,
 ) -> None:
     """Move each vertex to the mean of its bisectors, all at once and unguarded, as published.
 
     Parameters
     ----------
+    polygons
+        As `star_polygons` finds them.
     step
         Fraction of the way to the mean, in (0, 1]; 1 as published.
-    xy, stars, xy_out, moves
-        As in `laplacian.laplacian_sweep`.
+    xy, blocks, xy_out, moves
+        As in `centroid.centroid_sweep`.
 
     Notes
     -----
     T. Zhou and K. Shimada, "An angle-based approach to two-dimensional mesh smoothing",
     Proceedings of the 9th International Meshing Roundtable (2000).
     """
-    _, vertices, offsets, corners, _, _ = stars
+    _, table, vertices, stars, _, largest = blocks
     lengths, shares = moves.lengths, moves.shares
-    for i in prange(vertices.size):
-        v = vertices[i]
-        dx, dy, shortest = step_to_bisectors(xy, corners, centre_of(vertices, offsets, i), step)
-        xy_out[v, 0] = xy[v, 0] + dx
-        xy_out[v, 1] = xy[v, 1] + dy
-        lengths[i] = math.sqrt(dx * dx + dy * dy)
-        shares[i] = share(lengths[i], shortest)
+    for b in prange(table.shape[0]):
+        s, star = np.empty(N_GUARD_ROWS * LANES), np.empty(6 * largest * LANES)
+        block = block_at(table, b)
+        gather_stars(xy, vertices, stars, block, star, s)
+        steps_to_bisectors(xy, star, s, block, polygons, step)
+        unguarded_moves(xy_out, vertices, block, s, lengths, shares)
 
 
 @parallel_kernel()
 def guarded_angle_sweep(
     xy: FloatArray,
-    stars: Stars,
+    blocks: Blocks,
+    polygons: TableArray,
     colours: tuple[int, int],
     step: float,
     good: float,
@@ -120,18 +193,18 @@ def guarded_angle_sweep(
 
     Parameters
     ----------
-    step
+    polygons, step
         As in `angle_sweep`.
-    xy, stars, colours, good, moves
+    xy, blocks, colours, good, moves
         As in `star.star_sweep`.
     """
-    colour_offsets, vertices, offsets, corners, _, _ = stars
+    colour_blocks, table, vertices, stars, _, largest = blocks
     lengths, shares = moves.lengths, moves.shares
-    no_lines = np.empty((0, 3))
+    guard = Guard(good, False, False)
     for colour in range(colours[0], colours[1]):
-        start, stop = colour_offsets[colour], colour_offsets[colour + 1]
-        for chunk in prange((stop - start + CHUNK - 1) // CHUNK):
-            for i in range(start + chunk * CHUNK, min(start + (chunk + 1) * CHUNK, stop)):
-                v = centre_of(vertices, offsets, i)
-                wanted = step_to_bisectors(xy, corners, v, step)
-                guarded_move(xy, corners, v, wanted, good, no_lines, NO_FENCE, lengths, shares)
+        for b in prange(colour_blocks[colour], colour_blocks[colour + 1]):
+            s, star = np.empty(N_GUARD_ROWS * LANES), np.empty(6 * largest * LANES)
+            block = block_at(table, b)
+            gather_stars(xy, vertices, stars, block, star, s)
+            steps_to_bisectors(xy, star, s, block, polygons, step)
+            guarded_moves(xy, vertices, block, guard, star, s, s, lengths, shares)

@@ -2,10 +2,8 @@
 
 import math
 
-from numba import prange
-
 from qsmooth._types import BoolArray, FloatArray, IndexArray
-from qsmooth.kernels._jit import helper, parallel_kernel
+from qsmooth.kernels._jit import helper, kernel
 
 FULL_TURN = 360.0
 
@@ -29,7 +27,7 @@ def _same_place(xy: FloatArray, v: int, w: int) -> bool:
     return bool(xy[v, 0] == xy[w, 0] and xy[v, 1] == xy[w, 1])
 
 
-@parallel_kernel()
+@kernel()
 def angle_bounds(
     xy: FloatArray,
     cell_offsets: IndexArray,
@@ -59,7 +57,7 @@ def angle_bounds(
     smallest, largest : (n_vertices,)
         Overwritten. Degrees: the least θ / d and the largest one; 360 and 0 where there is no cell.
     """
-    for v in prange(smallest.size):
+    for v in range(smallest.size):
         smallest[v], largest[v] = FULL_TURN, 0.0
         for start in range(star_offsets[v], star_offsets[v + 1]):
             # A run of cells begins at a fixed edge: on the boundary, or between fixed vertices.

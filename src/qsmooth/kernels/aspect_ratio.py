@@ -1,27 +1,47 @@
 """Smoothing triangles by their edge ratios: along circumcircles, in place, colour by colour."""
 
-import math
-
 import numpy as np
 from numba import prange
 
-from qsmooth._types import FloatArray, TableArray
-from qsmooth.kernels._jit import helper, inlined_helper, parallel_kernel
-from qsmooth.kernels.guards import (
-    HALVINGS,
-    NO_FENCE,
-    allowed_step,
-    centre_of,
-    clearance,
-    guard_lines,
-    keeps_clearance,
-    store_move,
-    tolerated_loss,
+from qsmooth._types import FloatArray
+from qsmooth.kernels._jit import helper, lane_helper, parallel_kernel
+from qsmooth.kernels.blocks import LANES, Block, Blocks, block_at
+from qsmooth.kernels.clearance import guard_lines, keep_clearances
+from qsmooth.kernels.guard_rows import (
+    FIRST_X,
+    KEPT,
+    LEAST,
+    LOSS,
+    MOST_RATIO,
+    N_GUARD_ROWS,
+    RATIO,
+    ROWS_OF_LINES,
+    SUM_X,
+    SUM_Y,
+    WEIGHT,
 )
-from qsmooth.kernels.stars import CHUNK, NO_VERTEX, Centre, Moves, Stars, Step
+from qsmooth.kernels.guards import guarded_moves, judge_ratios
+from qsmooth.kernels.lanes import (
+    PX,
+    PY,
+    ROW,
+    ROW2,
+    ROW3,
+    ROW4,
+    ROW6,
+    SX,
+    SY,
+    X,
+    Y,
+    gather_stars,
+    larger,
+)
+from qsmooth.kernels.lone_guards import Guard
+from qsmooth.kernels.stars import Moves
+from qsmooth.kernels.trigonometry import arctangent, cosine_and_sine
 
 
-@helper()
+@lane_helper()
 def along_circumcircle(
     ux: float, uy: float, wx: float, wy: float, max_edge_ratio: float, step: float
 ) -> tuple[float, float, float]:
@@ -39,118 +59,107 @@ def along_circumcircle(
         The longer edge over the shorter; 0 where there is no displacement.
     """
     uu, ww = ux * ux + uy * uy, wx * wx + wy * wy
-    jacobian = ux * wy - uy * wx
-    longer, shorter = max(uu, ww), min(uu, ww)
-    if not jacobian > 0.0 or longer <= max_edge_ratio * max_edge_ratio * shorter:
-        return 0.0, 0.0, 0.0
-    dot = ux * wx + uy * wy
-    at_u, at_w = math.atan2(jacobian, uu - dot), math.atan2(jacobian, ww - dot)
-    turn = 0.5 * step * (at_w - at_u)
-    # The law of sines gives the new distance from u.
-    scale = math.sin(at_w - turn) * math.sqrt(uu * ww) / jacobian
-    along, across = scale * math.cos(at_u + turn), scale * math.sin(at_u + turn)
+    jacobian, dot = ux * wy - uy * wx, ux * wx + uy * wy
+    longer, shorter = (uu, ww) if uu > ww else (ww, uu)
+    moves = (jacobian > 0.0) & (longer > max_edge_ratio * max_edge_ratio * shorter)
+    # The cotangents of the angles at u and w, times the Jacobian. The difference of the two angles
+    # is the angle at the centre of the arc that is left.
+    at_u, at_w = uu - dot, ww - dot
+    left = arctangent(jacobian * (at_u - at_w), at_u * at_w + jacobian * jacobian)
+    cosine, sine = cosine_and_sine(0.5 * step * left)
     ex, ey = wx - ux, wy - uy
+    # The law of sines gives the new distance from u.
+    below = jacobian * (ex * ex + ey * ey) if moves else 1.0
+    scale = (jacobian * cosine - at_w * sine) / below
+    along = scale * (at_u * cosine - jacobian * sine)
+    across = scale * (jacobian * cosine + at_u * sine)
     dx = ux + along * ex - across * ey
     dy = uy + along * ey + across * ex
-    return dx, dy, math.sqrt(longer / shorter)
+    ratio = np.sqrt(longer / (shorter if moves else 1.0))
+    return dx if moves else 0.0, dy if moves else 0.0, ratio if moves else 0.0
 
 
 @helper()
-def star_edge_ratio(
-    xy: FloatArray, corners: TableArray, centre: Centre, x: float, y: float
-) -> float:
-    """Largest ratio of two edges of a triangle of the star, squared, with its vertex at (x, y)."""
-    largest = 1.0
-    for row in range(centre.first, centre.last):
-        a, b, c = corners[row, 0], corners[row, 1], corners[row, 2]
-        if b != NO_VERTEX:
-            continue
-        ax, ay, cx, cy = xy[a, 0] - x, xy[a, 1] - y, xy[c, 0] - x, xy[c, 1] - y
-        va, vc = ax * ax + ay * ay, cx * cx + cy * cy
-        ac = (cx - ax) * (cx - ax) + (cy - ay) * (cy - ay)
-        shortest = min(va, vc, ac)
-        largest = max(largest, max(va, vc, ac) / shortest if shortest > 0.0 else np.inf)
-    return largest
+def _propose(
+    star: FloatArray, s: FloatArray, at: int, n: int, max_edge_ratio: float, step: float
+) -> None:
+    """Fill rows SX and SY with what a triangle proposes, and FIRST_X with the ratio."""
+    for i in range(n):
+        x, y = s[X + i], s[Y + i]
+        ux, uy = star[at + i] - x, star[at + ROW + i] - y
+        wx, wy = star[at + ROW2 + i] - x, star[at + ROW3 + i] - y
+        dx, dy, ratio = along_circumcircle(ux, uy, wx, wy, max_edge_ratio, step)
+        s[SX + i], s[SY + i], s[FIRST_X + i] = dx, dy, ratio
 
 
-@inlined_helper()
-def _step_within_ratio(
-    xy: FloatArray,
-    corners: TableArray,
-    centre: Centre,
-    step: Step,
-    tolerated: float,
-    good: float,
-    lines: FloatArray,
-) -> tuple[float, float]:
-    """Take the step, halved until the star's largest edge ratio does not rise, or stay.
-
-    Returns
-    -------
-    x, y
-        The place to store.
-    """
-    x, y = xy[centre.v, 0], xy[centre.v, 1]
-    dx, dy = step.dx, step.dy
-    allowed = max(tolerated * tolerated, star_edge_ratio(xy, corners, centre, x, y))
-    for _ in range(HALVINGS + 1):
-        new_x, new_y = allowed_step(xy, corners, centre, dx, dy, good, lines, NO_FENCE)
-        if star_edge_ratio(xy, corners, centre, new_x, new_y) <= allowed:
-            return new_x, new_y
-        dx, dy = 0.5 * (new_x - x), 0.5 * (new_y - y)
-    return x, y
+@helper()
+def _raise_ratios(s: FloatArray, n: int, power: float) -> None:
+    """Turn the ratios into weights."""
+    if power == 4.0:  # a call for the power would stop vectorisation
+        for i in range(n):
+            square = s[FIRST_X + i] * s[FIRST_X + i]
+            s[FIRST_X + i] = square * square
+    else:
+        for i in range(n):
+            s[FIRST_X + i] = s[FIRST_X + i] ** power
 
 
-@inlined_helper()
+@helper()
+def _add_kept(s: FloatArray, n: int) -> None:
+    """Add the proposals that are moves and keep the clearance."""
+    for i in range(n):
+        dx, dy, loss = s[SX + i], s[SY + i], s[LOSS + i]
+        kept = (dx * dx + dy * dy >= loss * loss) & (s[KEPT + i] >= s[LEAST + i])
+        weight = s[FIRST_X + i] if kept else 0.0
+        s[SUM_X + i] += weight * dx if kept else 0.0
+        s[SUM_Y + i] += weight * dy if kept else 0.0
+        s[WEIGHT + i] += weight
+
+
+@helper()
 def mean_along_circumcircles(
-    xy: FloatArray,
-    corners: TableArray,
-    centre: Centre,
+    star: FloatArray,
+    s: FloatArray,
+    lines: FloatArray,
+    block: Block,
     max_edge_ratio: float,
     step: float,
     power: float,
-    lines: FloatArray,
-) -> Step:
-    """Average what the triangles around a vertex propose, as far as no clearance is lost.
+    tolerated: float,
+) -> None:
+    """Average what the triangles around each vertex propose, as far as no clearance is lost.
 
     Parameters
     ----------
-    max_edge_ratio, step, power
+    star, s, lines
+        Scratch, as `clearance.guard_lines` leaves it; SX and SY are overwritten with the means,
+        zero where nothing was accepted, and MOST_RATIO with the largest ratios to keep.
+    max_edge_ratio, step, power, tolerated
         As in `aspect_ratio_sweep`.
-    lines : (3 * cells in the star, 3)
-        Scratch: overwritten with the guard lines of the vertex.
-
-    Returns
-    -------
-    step
-        Zero where nothing was accepted.
     """
-    x, y = xy[centre.v, 0], xy[centre.v, 1]
-    n_lines, longest, shortest, largest = guard_lines(xy, corners, centre, lines)
-    loss = tolerated_loss(longest, largest)
-    least = clearance(lines, n_lines) - loss
-    sx, sy, total = 0.0, 0.0, 0.0
-    for row in range(centre.first, centre.last):
-        a, b, c = corners[row, 0], corners[row, 1], corners[row, 2]
-        if b != NO_VERTEX:
-            continue
-        dx, dy, ratio = along_circumcircle(
-            xy[a, 0] - x, xy[a, 1] - y, xy[c, 0] - x, xy[c, 1] - y, max_edge_ratio, step
-        )
-        if dx * dx + dy * dy >= loss * loss and keeps_clearance(lines, n_lines, dx, dy, least):
-            weight = ratio**power
-            sx += weight * dx
-            sy += weight * dy
-            total += weight
-    if not total > 0.0:
-        return Step(0.0, 0.0, shortest)
-    return Step(sx / total, sy / total, shortest)
+    n = block.size
+    for i in range(n):
+        s[SUM_X + i], s[SUM_Y + i], s[WEIGHT + i] = 0.0, 0.0, 0.0
+    for k in range(block.n_triangles):
+        at = block.n_quads * ROW6 + k * ROW4
+        _propose(star, s, at, n, max_edge_ratio, step)
+        _raise_ratios(s, n, power)
+        keep_clearances(lines, s, block, 1.0)
+        _add_kept(s, n)
+    for i in range(n):
+        found = s[WEIGHT + i] > 0.0
+        x, y = s[SUM_X + i] / s[WEIGHT + i], s[SUM_Y + i] / s[WEIGHT + i]
+        s[SX + i], s[SY + i] = x if found else 0.0, y if found else 0.0
+        s[PX + i], s[PY + i] = s[X + i], s[Y + i]
+    judge_ratios(star, s, block)
+    for i in range(n):
+        s[MOST_RATIO + i] = larger(s[RATIO + i], tolerated * tolerated)
 
 
 @parallel_kernel()
 def aspect_ratio_sweep(
     xy: FloatArray,
-    stars: Stars,
+    blocks: Blocks,
     colours: tuple[int, int],
     max_edge_ratio: float,
     step: float,
@@ -166,7 +175,7 @@ def aspect_ratio_sweep(
 
     Parameters
     ----------
-    xy, stars, colours, good, moves
+    xy, blocks, colours, good, moves
         As in `star.star_sweep`.
     max_edge_ratio
         Edges whose ratio is no larger are left alone; 1 or more.
@@ -178,19 +187,15 @@ def aspect_ratio_sweep(
         Besides the guards, no step may make the largest edge ratio of the star's triangles larger,
         unless it stays within this; infinite for no such rule.
     """
-    colour_offsets, vertices, offsets, corners, _, largest = stars
+    colour_blocks, table, vertices, stars, _, largest = blocks
     lengths, shares = moves.lengths, moves.shares
+    guard = Guard(good, False, True)
     for colour in range(colours[0], colours[1]):
-        start, stop = colour_offsets[colour], colour_offsets[colour + 1]
-        for chunk in prange((stop - start + CHUNK - 1) // CHUNK):
-            lines = np.empty((3 * largest, 3))
-            for i in range(start + chunk * CHUNK, min(start + (chunk + 1) * CHUNK, stop)):
-                v = centre_of(vertices, offsets, i)
-                wanted = mean_along_circumcircles(
-                    xy, corners, v, max_edge_ratio, step, power, lines
-                )
-                lengths[i], shares[i] = 0.0, 0.0
-                if wanted.dx == 0.0 and wanted.dy == 0.0:
-                    continue
-                x, y = _step_within_ratio(xy, corners, v, wanted, tolerated, good, lines)
-                store_move(xy, v, x, y, wanted.shortest, lengths, shares)
+        for b in prange(colour_blocks[colour], colour_blocks[colour + 1]):
+            s, star = np.empty(N_GUARD_ROWS * LANES), np.empty(6 * largest * LANES)
+            lines = np.empty(ROWS_OF_LINES * largest * LANES)
+            block = block_at(table, b)
+            gather_stars(xy, vertices, stars, block, star, s)
+            guard_lines(star, s, block, lines)
+            mean_along_circumcircles(star, s, lines, block, max_edge_ratio, step, power, tolerated)
+            guarded_moves(xy, vertices, block, guard, star, s, lines, lengths, shares)

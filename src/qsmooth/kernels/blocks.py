@@ -21,8 +21,6 @@ FIRST, SIZE, N_QUADS, N_TRIANGLES, STAR, ROWS = range(6)
 N_COLUMNS = 6
 # Flags of `Rows.asks`: other shapes than the ideal ones, sizes, walls on shape.
 SHAPES, SIZES, WALLS = 1, 2, 4
-# Stars of as many quads, or triangles, or more are not sorted by how many there are.
-MOST_OF_A_KIND = 32
 # What differs by no more than this from the coefficients of an ideal shape is ideal.
 ROUNDING = 1e-15
 
@@ -117,10 +115,24 @@ def lane_row(k: int) -> Any:
 
 
 @helper()
-def _bucket(kind: int) -> int:
-    """Number the make-ups of stars; very large ones share numbers."""
-    quads, triangles = kind >> 32, kind & 0xFFFFFFFF
-    return min(quads, MOST_OF_A_KIND - 1) * MOST_OF_A_KIND + min(triangles, MOST_OF_A_KIND - 1)
+def _in_order(kind: IndexArray, colour_offsets: IndexArray, largest: int) -> IndexArray:
+    """Order vertices by make-up within each colour: by counting, triangles before quads."""
+    rows, spare = np.arange(kind.size), np.empty(kind.size, np.int64)
+    counts = np.empty(largest + 2, np.int64)
+    for shift in (0, 32):
+        for colour in range(colour_offsets.size - 1):
+            start, stop = colour_offsets[colour], colour_offsets[colour + 1]
+            counts[:] = 0
+            for i in range(start, stop):
+                counts[(kind[i] >> shift & 0xFFFFFFFF) + 1] += 1
+            for k in range(largest + 1):
+                counts[k + 1] += counts[k]
+            for i in range(start, stop):
+                k = kind[rows[i]] >> shift & 0xFFFFFFFF
+                spare[start + counts[k]] = rows[i]
+                counts[k] += 1
+        rows, spare = spare, rows
+    return rows
 
 
 @kernel()
@@ -142,19 +154,10 @@ def build_blocks(stars: Stars) -> Blocks:
         kind[i] = (quads << 32) | triangles
         n_entries += 3 * quads + 2 * triangles
     n_colours = colour_offsets.size - 1
-    rows, fill = np.empty(n, np.int64), np.empty(MOST_OF_A_KIND**2 + 1, np.int64)
+    rows = _in_order(kind, colour_offsets, stars.largest)
     n_blocks = 0
     for colour in range(n_colours):
         start, stop = colour_offsets[colour], colour_offsets[colour + 1]
-        fill[:] = 0
-        for i in range(start, stop):
-            fill[_bucket(kind[i]) + 1] += 1
-        fill[0] = start
-        for k in range(fill.size - 1):
-            fill[k + 1] += fill[k]
-        for i in range(start, stop):
-            rows[fill[_bucket(kind[i])]] = i
-            fill[_bucket(kind[i])] += 1
         size = 0
         for i in range(start, stop):
             if size == LANES or (i > start and kind[rows[i]] != kind[rows[i - 1]]):

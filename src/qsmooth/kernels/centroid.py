@@ -1,88 +1,123 @@
 """Laplacian smoothing with area weights: to the centroid of the star polygon."""
 
-import math
-
 import numpy as np
 from numba import prange
 
-from qsmooth._types import FloatArray, TableArray
-from qsmooth.kernels._jit import inlined_helper, parallel_kernel
-from qsmooth.kernels.geometry import share
-from qsmooth.kernels.guards import NO_FENCE, centre_of, guarded_move
-from qsmooth.kernels.stars import CHUNK, NO_VERTEX, Centre, Moves, Stars, Step
+from qsmooth._types import FloatArray
+from qsmooth.kernels._jit import helper, parallel_kernel
+from qsmooth.kernels.blocks import LANES, Block, Blocks, block_at
+from qsmooth.kernels.guard_rows import N_GUARD_ROWS, SHORTEST, SUM_X, SUM_Y, WEIGHT
+from qsmooth.kernels.guards import guarded_moves, unguarded_moves
+from qsmooth.kernels.lanes import (
+    ROW,
+    ROW2,
+    ROW3,
+    ROW4,
+    ROW5,
+    ROW6,
+    SX,
+    SY,
+    X,
+    Y,
+    gather_stars,
+    smaller,
+)
+from qsmooth.kernels.lone_guards import Guard
+from qsmooth.kernels.stars import Moves
 
 
-@inlined_helper()
-def step_to_centroid(xy: FloatArray, corners: TableArray, centre: Centre) -> Step:
-    """Step to the centroid of the polygon round a star: the cells' centroids, weighted by area.
+@helper()
+def _add_quad(star: FloatArray, s: FloatArray, at: int, n: int) -> None:
+    """Add three times the centroid of a quad, weighted by twice its area."""
+    for i in range(n):
+        x, y = s[X + i], s[Y + i]
+        ax, ay, bx, by = star[at + i], star[at + ROW + i], star[at + ROW2 + i], star[at + ROW3 + i]
+        cx, cy = star[at + ROW4 + i] - x, star[at + ROW5 + i] - y
+        ax, ay, bx, by = ax - x, ay - y, bx - x, by - y
+        area, other = ax * by - ay * bx, bx * cy - by * cx
+        s[SUM_X + i] += area * (ax + bx) + other * (bx + cx)
+        s[SUM_Y + i] += area * (ay + by) + other * (by + cy)
+        s[WEIGHT + i] += area + other
+        s[SHORTEST + i] = smaller(ax * ax + ay * ay, s[SHORTEST + i])
 
-    Returns
-    -------
-    step
-        Zero where the polygon has no positive area.
+
+@helper()
+def _add_triangle(star: FloatArray, s: FloatArray, at: int, n: int) -> None:
+    """Add three times the centroid of a triangle, weighted by twice its area."""
+    for i in range(n):
+        ax, ay = star[at + i] - s[X + i], star[at + ROW + i] - s[Y + i]
+        cx, cy = star[at + ROW2 + i] - s[X + i], star[at + ROW3 + i] - s[Y + i]
+        area = ax * cy - ay * cx
+        s[SUM_X + i] += area * (ax + cx)
+        s[SUM_Y + i] += area * (ay + cy)
+        s[WEIGHT + i] += area
+        s[SHORTEST + i] = smaller(ax * ax + ay * ay, s[SHORTEST + i])
+
+
+@helper()
+def steps_to_centroids(star: FloatArray, s: FloatArray, block: Block) -> None:
+    """Fill rows SX, SY and SHORTEST of a block: the steps to the centroids of the star polygons.
+
+    Those are the cells' centroids, weighted by area; where there is none, a vertex has no step.
     """
-    x, y = xy[centre.v, 0], xy[centre.v, 1]
-    sx, sy, total, shortest = 0.0, 0.0, 0.0, np.inf
-    for row in range(centre.first, centre.last):
-        a, b, c = corners[row, 0], corners[row, 1], corners[row, 2]
-        ax, ay = xy[a, 0] - x, xy[a, 1] - y
-        cx, cy = xy[c, 0] - x, xy[c, 1] - y
-        shortest = min(shortest, math.sqrt(ax * ax + ay * ay))
-        if b == NO_VERTEX:
-            area = ax * cy - ay * cx
-            sx += area * (ax + cx)
-            sy += area * (ay + cy)
-            total += area
-            continue
-        bx, by = xy[b, 0] - x, xy[b, 1] - y
-        area = ax * by - ay * bx
-        other = bx * cy - by * cx
-        sx += area * (ax + bx) + other * (bx + cx)
-        sy += area * (ay + by) + other * (by + cy)
-        total += area + other
-    if not total > 0.0:
-        return Step(0.0, 0.0, shortest)
-    return Step(sx / (3.0 * total), sy / (3.0 * total), shortest)
+    n, quads = block.size, block.n_quads
+    for i in range(n):
+        s[SUM_X + i], s[SUM_Y + i], s[WEIGHT + i], s[SHORTEST + i] = 0.0, 0.0, 0.0, np.inf
+    for k in range(quads):
+        _add_quad(star, s, k * ROW6, n)
+    for k in range(block.n_triangles):
+        _add_triangle(star, s, quads * ROW6 + k * ROW4, n)
+    for i in range(n):
+        found = s[WEIGHT + i] > 0.0
+        total = 3.0 * s[WEIGHT + i]
+        x, y = s[SUM_X + i] / total, s[SUM_Y + i] / total
+        s[SX + i], s[SY + i] = x if found else 0.0, y if found else 0.0
+        s[SHORTEST + i] = np.sqrt(s[SHORTEST + i])
 
 
 @parallel_kernel()
-def centroid_sweep(xy: FloatArray, stars: Stars, xy_out: FloatArray, moves: Moves) -> None:
+def centroid_sweep(xy: FloatArray, blocks: Blocks, xy_out: FloatArray, moves: Moves) -> None:
     """Put each vertex at the centroid of its star polygon, all at once and unguarded.
 
     Parameters
     ----------
-    xy, stars, xy_out, moves
-        As in `laplacian.laplacian_sweep`.
+    xy : (n_vertices, 2)
+        Coordinates, in any one unit.
+    blocks
+        The movable vertices and the cells around them (`blocks.build_blocks`).
+    xy_out : (n_vertices, 2)
+        Overwritten in the rows of these vertices.
+    moves
+        Overwritten, in the order of the blocks.
     """
-    _, vertices, offsets, corners, _, _ = stars
+    _, table, vertices, stars, _, largest = blocks
     lengths, shares = moves.lengths, moves.shares
-    for i in prange(vertices.size):
-        v = vertices[i]
-        dx, dy, shortest = step_to_centroid(xy, corners, centre_of(vertices, offsets, i))
-        xy_out[v, 0] = xy[v, 0] + dx
-        xy_out[v, 1] = xy[v, 1] + dy
-        lengths[i] = math.sqrt(dx * dx + dy * dy)
-        shares[i] = share(lengths[i], shortest)
+    for b in prange(table.shape[0]):
+        s, star = np.empty(N_GUARD_ROWS * LANES), np.empty(6 * largest * LANES)
+        block = block_at(table, b)
+        gather_stars(xy, vertices, stars, block, star, s)
+        steps_to_centroids(star, s, block)
+        unguarded_moves(xy_out, vertices, block, s, lengths, shares)
 
 
 @parallel_kernel()
 def smart_centroid_sweep(
-    xy: FloatArray, stars: Stars, colours: tuple[int, int], good: float, moves: Moves
+    xy: FloatArray, blocks: Blocks, colours: tuple[int, int], good: float, moves: Moves
 ) -> None:
     """Move each vertex towards its star polygon's centroid as far as its guards allow, in place.
 
     Parameters
     ----------
-    xy, stars, colours, good, moves
+    xy, blocks, colours, good, moves
         As in `star.star_sweep`.
     """
-    colour_offsets, vertices, offsets, corners, _, _ = stars
+    colour_blocks, table, vertices, stars, _, largest = blocks
     lengths, shares = moves.lengths, moves.shares
-    no_lines = np.empty((0, 3))
+    guard = Guard(good, False, False)
     for colour in range(colours[0], colours[1]):
-        start, stop = colour_offsets[colour], colour_offsets[colour + 1]
-        for chunk in prange((stop - start + CHUNK - 1) // CHUNK):
-            for i in range(start + chunk * CHUNK, min(start + (chunk + 1) * CHUNK, stop)):
-                v = centre_of(vertices, offsets, i)
-                wanted = step_to_centroid(xy, corners, v)
-                guarded_move(xy, corners, v, wanted, good, no_lines, NO_FENCE, lengths, shares)
+        for b in prange(colour_blocks[colour], colour_blocks[colour + 1]):
+            s, star = np.empty(N_GUARD_ROWS * LANES), np.empty(6 * largest * LANES)
+            block = block_at(table, b)
+            gather_stars(xy, vertices, stars, block, star, s)
+            steps_to_centroids(star, s, block)
+            guarded_moves(xy, vertices, block, guard, star, s, s, lengths, shares)

@@ -19,12 +19,16 @@ TRIANGLE_SCALE = 2.0 / math.sqrt(3.0)
 
 
 @strict_helper()
-def certainly_left(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -> bool:
-    """Whether a, b, c turn left beyond any rounding error; False when unsure."""
-    left = (ax - cx) * (by - cy)
-    right = (ay - cy) * (bx - cx)
+def certainly_positive(left: float, right: float) -> bool:
+    """Whether left - right, the rounded products of a determinant, is positive in any rounding."""
     bound = ORIENTATION_BOUND * (abs(left) + abs(right)) + UNDERFLOW_BOUND
     return bool(left - right > bound)
+
+
+@strict_helper()
+def certainly_left(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -> bool:
+    """Whether a, b, c turn left beyond any rounding error; False when unsure."""
+    return certainly_positive((ax - cx) * (by - cy), (ay - cy) * (bx - cx))
 
 
 @strict_helper()

@@ -1,284 +1,297 @@
-"""What every guarded method asks of a move: clearance, certificate, quality.
+"""What every guarded method asks of a move, on blocks of lanes: clearance, certificate, quality.
 
-The guard lines of a vertex v are, in each cell (v, a, b, c) or (v, a, c) around it, a→c, and in a
-quad also a→b and b→c: the corners that v takes part in are convex exactly when v is on the left of
-all of them. Its clearance is the smallest signed distance to one. As a minimum of linear functions
-it is concave, so that the mean of places that each keep the clearance keeps it too.
+All lanes of a block are tried together. Their certificates are those of `geometry`; the scores are
+squared and rounded otherwise than those of the metric, so that a lane whose score is within
+`SCORE_ROUNDING` of what is asked, or which has a corner of no certain sign, is asked again in
+`lone_guards`, where what is exact is exact.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
-from qsmooth._types import FloatArray, IndexArray, TableArray
-from qsmooth.kernels._jit import helper, inlined_helper, strict_helper
-from qsmooth.kernels.geometry import (
-    certainly_left,
-    orientation,
-    quad_scaled_jacobian,
-    share,
-    triangle_scaled_jacobian,
+from qsmooth._types import FloatArray, TableArray
+from qsmooth.kernels._jit import helper, lane_helper
+from qsmooth.kernels.blocks import Block
+from qsmooth.kernels.clearance import keep_clearances
+from qsmooth.kernels.geometry import certainly_positive
+from qsmooth.kernels.guard_rows import (
+    BY_RATIO,
+    CERTAIN,
+    ENOUGH,
+    KEPT,
+    LEAST,
+    LONE,
+    MOST_RATIO,
+    NEW_X,
+    NEW_Y,
+    RATIO,
+    SCORE,
+    SHORTEST,
+    WAS_CERTAIN,
 )
-from qsmooth.kernels.stars import NO_VERTEX, Centre, Step
+from qsmooth.kernels.lanes import (
+    PX,
+    PY,
+    ROW,
+    ROW2,
+    ROW3,
+    ROW4,
+    ROW5,
+    ROW6,
+    SX,
+    SY,
+    TODO,
+    X,
+    Y,
+    larger,
+    smaller,
+)
+from qsmooth.kernels.lone_guards import Guard, edge_ratio, lone_step
 
-# A clearance may fall by this fraction of the longest edge, or by this many units in the last place
-# of the star's largest coordinate: a vertex that slides along its nearest guard line is not to be
-# stopped, or let go, by rounding.
-CLEARANCE_RTOL = 1e-12
-CLEARANCE_ULPS = 16.0
-# A step that fails is halved this often before the vertex stays.
-HALVINGS = 3
-
-# Columns of a guard line: distance of v from it, and the gradient of that distance.
-LINE_DISTANCE, LINE_X, LINE_Y = 0, 1, 2
-
-
-class Fence(NamedTuple):
-    """How many guard lines a step must stay clear of, and how far from each of them."""
-
-    n_lines: int
-    least: float
-
-
-# For a step that is known to keep the clearance, or need not.
-NO_FENCE = Fence(0, 0.0)
-
-
-@inlined_helper()
-def centre_of(vertices: TableArray, offsets: IndexArray, i: int) -> Centre:
-    """Look up the vertex at position i of `Stars.vertices`."""
-    return Centre(i, vertices[i], offsets[i], offsets[i + 1])
-
-
-@helper()
-def _add_line(lines: FloatArray, n: int, px: float, py: float, qx: float, qy: float) -> int:
-    """Append the line p→q, given relative to v; a line of no length is left out."""
-    ex, ey = qx - px, qy - py
-    length = math.sqrt(ex * ex + ey * ey)
-    if length == 0.0:
-        return n
-    lines[n, LINE_DISTANCE] = (px * qy - py * qx) / length
-    lines[n, LINE_X] = -ey / length
-    lines[n, LINE_Y] = ex / length
-    return n + 1
+# What is tried: the whole steps, against what is good in itself; where the vertices are, to ask for
+# no more than that; and the steps again, halved until the vertex stays.
+TRIALS = (1.0, 0.0, 1.0, 0.5, 0.25, 0.125)
+PRESENT = 1
+N_HALVED = len(TRIALS) - PRESENT - 1
+# Up to so many lanes of a block that want another try are tried one by one.
+FEW = 4
+# More than the rounding errors of the square of a score, here and in the metric.
+SCORE_ROUNDING = 1e-13
+# The squares of edges below this count as 0 here: a quotient by one could be all rounding.
+LEAST_SQUARE = 1e-280
+# The square of a triangle's best sine.
+THREE_QUARTERS = 0.75
 
 
-@helper()
-def guard_lines(
-    xy: FloatArray, corners: TableArray, centre: Centre, lines: FloatArray
-) -> tuple[int, float, float, float]:
-    """Fill `lines` with the guard lines of a vertex.
+# ------------------------------------------------------------------------------- trials
 
-    Parameters
-    ----------
-    lines : (3 * cells in the star, 3)
-        Overwritten in its first rows.
 
-    Returns
-    -------
-    n_lines, longest, shortest, largest
-        Longest and shortest of the vertex's edges; largest absolute coordinate of the star.
-    """
-    v = centre.v
-    x, y = xy[v, 0], xy[v, 1]
-    n = 0
-    longest, shortest = 0.0, np.inf
-    largest = max(abs(x), abs(y))
-    for row in range(centre.first, centre.last):
-        a, b, c = corners[row, 0], corners[row, 1], corners[row, 2]
-        largest = max(largest, abs(xy[a, 0]), abs(xy[a, 1]), abs(xy[c, 0]), abs(xy[c, 1]))
-        ax, ay = xy[a, 0] - x, xy[a, 1] - y
-        cx, cy = xy[c, 0] - x, xy[c, 1] - y
-        va, vc = ax * ax + ay * ay, cx * cx + cy * cy
-        longest = max(longest, va, vc)
-        shortest = min(shortest, va, vc)
-        n = _add_line(lines, n, ax, ay, cx, cy)
-        if b != NO_VERTEX:
-            largest = max(largest, abs(xy[b, 0]), abs(xy[b, 1]))
-            bx, by = xy[b, 0] - x, xy[b, 1] - y
-            n = _add_line(lines, n, ax, ay, bx, by)
-            n = _add_line(lines, n, bx, by, cx, cy)
-    return n, math.sqrt(longest), math.sqrt(shortest), largest
+@lane_helper()
+def _one_over(square: float) -> float:
+    return 1.0 / square if square > LEAST_SQUARE else 0.0
+
+
+@lane_helper()
+def _squared_sine(det: float, inv: float, other: float) -> float:
+    """Square of a sine with its sign, given one over the squares of the edges."""
+    return (det * inv) * (abs(det) * other)
+
+
+@lane_helper()
+def _judge_corner(
+    left: float, right: float, inv: float, other: float, s: FloatArray, i: int
+) -> None:
+    """Keep the certificate and the least score of a quad's corner."""
+    s[CERTAIN + i] = s[CERTAIN + i] if certainly_positive(left, right) else 0.0
+    s[SCORE + i] = smaller(_squared_sine(left - right, inv, other), s[SCORE + i])
 
 
 @helper()
-def tolerated_loss(longest: float, largest: float) -> float:
-    """How far a clearance may fall and still count as kept: see `CLEARANCE_RTOL`."""
-    ulp = math.ldexp(1.0, math.frexp(largest)[1] - 53)
-    return max(CLEARANCE_RTOL * longest, CLEARANCE_ULPS * ulp)
+def _try(star: FloatArray, s: FloatArray, block: Block, fraction: float) -> None:
+    """Put the vertices at a fraction of their steps; certify and score what they see."""
+    n, quads = block.size, block.n_quads
+    for i in range(n):
+        s[PX + i] = s[X + i] + fraction * s[SX + i]
+        s[PY + i] = s[Y + i] + fraction * s[SY + i]
+        s[CERTAIN + i], s[SCORE + i] = 1.0, np.inf
+    for k in range(quads):
+        at = k * ROW6
+        for i in range(n):
+            px, py = s[PX + i], s[PY + i]
+            ax, ay = star[at + i], star[at + ROW + i]
+            bx, by = star[at + ROW2 + i], star[at + ROW3 + i]
+            cx, cy = star[at + ROW4 + i], star[at + ROW5 + i]
+            ux, uy, wx, wy = ax - px, ay - py, cx - px, cy - py
+            ex, ey, fx, fy = bx - ax, by - ay, bx - cx, by - cy
+            u, w = _one_over(ux * ux + uy * uy), _one_over(wx * wx + wy * wy)
+            e, f = _one_over(ex * ex + ey * ey), _one_over(fx * fx + fy * fy)
+            _judge_corner(ux * wy, uy * wx, u, w, s, i)
+            _judge_corner(ey * ux, ex * uy, u, e, s, i)
+            _judge_corner(fx * wy, fy * wx, w, f, s, i)
+    for k in range(block.n_triangles):
+        at = quads * ROW6 + k * ROW4
+        for i in range(n):
+            px, py = s[PX + i], s[PY + i]
+            ax, ay = star[at + i], star[at + ROW + i]
+            cx, cy = star[at + ROW2 + i], star[at + ROW3 + i]
+            ux, uy, wx, wy, ex, ey = ax - px, ay - py, cx - px, cy - py, cx - ax, cy - ay
+            u, w = _one_over(ux * ux + uy * uy), _one_over(wx * wx + wy * wy)
+            e = _one_over(ex * ex + ey * ey)
+            left, right = ux * wy, uy * wx
+            s[CERTAIN + i] = s[CERTAIN + i] if certainly_positive(left, right) else 0.0
+            at_v = _squared_sine(left - right, u, w)
+            # Not all by one determinant: beside a short edge it has the rounding of the long ones.
+            at_a = _squared_sine(ey * ux - ex * uy, u, e)
+            at_c = _squared_sine(ey * wx - ex * wy, w, e)
+            least = smaller(smaller(at_v, at_a), at_c)
+            s[SCORE + i] = smaller(least / THREE_QUARTERS, s[SCORE + i])
 
 
 @helper()
-def clearance(lines: FloatArray, n_lines: int) -> float:
-    """Smallest signed distance from v to its guard lines; infinite where there is none."""
-    smallest = np.inf
-    for k in range(n_lines):
-        smallest = min(smallest, lines[k, LINE_DISTANCE])
-    return smallest
+def _ask_no_more(star: FloatArray, s: FloatArray, block: Block) -> None:
+    """Ask for no more than what was found where the vertices are, and in the corners opposite."""
+    n = block.size
+    for k in range(block.n_quads):
+        at = k * ROW6
+        for i in range(n):
+            ax, ay = star[at + i], star[at + ROW + i]
+            bx, by = star[at + ROW2 + i], star[at + ROW3 + i]
+            cx, cy = star[at + ROW4 + i], star[at + ROW5 + i]
+            ex, ey, fx, fy = ax - bx, ay - by, cx - bx, cy - by
+            e, f = _one_over(ex * ex + ey * ey), _one_over(fx * fx + fy * fy)
+            s[SCORE + i] = smaller(_squared_sine(fx * ey - fy * ex, e, f), s[SCORE + i])
+    for i in range(n):
+        s[WAS_CERTAIN + i] = s[CERTAIN + i]
+        s[ENOUGH + i] = smaller(s[SCORE + i], s[ENOUGH + i])
 
 
 @helper()
-def keeps_clearance(lines: FloatArray, n_lines: int, dx: float, dy: float, least: float) -> bool:
-    """Whether v, moved by (dx, dy), is no nearer than `least` to any guard line."""
-    for k in range(n_lines):
-        moved = lines[k, LINE_DISTANCE] + (lines[k, LINE_X] * dx + lines[k, LINE_Y] * dy)
-        if not moved >= least:
-            return False
-    return True
-
-
-@strict_helper()
-def _keeps_corner(
-    left: bool, ax: float, ay: float, bx: float, by: float, cx: float, cy: float
-) -> bool:
-    return left or orientation(ax, ay, bx, by, cx, cy) <= 0
-
-
-@strict_helper()
-def keeps_corners(xy: FloatArray, corners: TableArray, centre: Centre, x: float, y: float) -> bool:
-    """Whether every positive corner that v takes part in is certified positive with v at (x, y).
-
-    A corner that is not positive now has nothing to lose.
-    """
-    v = centre.v
-    vx, vy = xy[v, 0], xy[v, 1]
-    for row in range(centre.first, centre.last):
-        a, b, c = corners[row, 0], corners[row, 1], corners[row, 2]
-        ax, ay, cx, cy = xy[a, 0], xy[a, 1], xy[c, 0], xy[c, 1]
-        left = certainly_left(x, y, ax, ay, cx, cy)
-        if not _keeps_corner(left, vx, vy, ax, ay, cx, cy):
-            return False
-        if b != NO_VERTEX:
-            bx, by = xy[b, 0], xy[b, 1]
-            left = certainly_left(ax, ay, bx, by, x, y)
-            if not _keeps_corner(left, ax, ay, bx, by, vx, vy):
-                return False
-            left = certainly_left(bx, by, cx, cy, x, y)
-            if not _keeps_corner(left, bx, by, cx, cy, vx, vy):
-                return False
-    return True
+def judge_ratios(star: FloatArray, s: FloatArray, block: Block) -> None:
+    """Find the largest ratio of two edges of a triangle, squared, at the trial places."""
+    for i in range(block.size):
+        s[RATIO + i] = 1.0
+    for k in range(block.n_triangles):
+        at = block.n_quads * ROW6 + k * ROW4
+        for i in range(block.size):
+            s[RATIO + i] = larger(edge_ratio(star, at, i, s[PX + i], s[PY + i]), s[RATIO + i])
 
 
 @helper()
-def star_scaled_jacobian(
-    xy: FloatArray, corners: TableArray, centre: Centre, x: float, y: float
-) -> float:
-    """Smallest scaled Jacobian of the star's cells with their vertex at (x, y)."""
-    worst = np.inf
-    for row in range(centre.first, centre.last):
-        a, b, c = corners[row, 0], corners[row, 1], corners[row, 2]
-        if b != NO_VERTEX:
-            score = quad_scaled_jacobian(
-                x, y, xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1], xy[c, 0], xy[c, 1]
-            )
-        else:
-            score = triangle_scaled_jacobian(x, y, xy[a, 0], xy[a, 1], xy[c, 0], xy[c, 1])
-        worst = min(worst, score)
-    return worst
+def _accept(s: FloatArray, n: int) -> int:
+    """Take the trial places that all guards allow for certain; count the lanes that try on."""
+    left = 0
+    for i in range(n):
+        px, py = s[PX + i], s[PY + i]
+        todo = (s[TODO + i] > 0.0) & ((px != s[X + i]) | (py != s[Y + i]))
+        good = (s[CERTAIN + i] > 0.0) & (s[SCORE + i] > s[ENOUGH + i] + SCORE_ROUNDING)
+        good &= todo & (s[KEPT + i] >= s[LEAST + i]) & (s[RATIO + i] <= s[MOST_RATIO + i])
+        s[NEW_X + i] = px if good else s[NEW_X + i]
+        s[NEW_Y + i] = py if good else s[NEW_Y + i]
+        s[TODO + i] = 1.0 if todo & (not good) else 0.0
+        left += 1 if todo & (not good) else 0
+    return left
 
 
 @helper()
-def allowed_step(
+def _part_doubts(s: FloatArray, n: int) -> None:
+    """Set the lanes apart that were not refused for certain."""
+    for i in range(n):
+        lost = (s[CERTAIN + i] == 0.0) & (s[WAS_CERTAIN + i] > 0.0)
+        lost |= (s[SCORE + i] < s[ENOUGH + i] - SCORE_ROUNDING) | (s[KEPT + i] < s[LEAST + i])
+        kept = (s[CERTAIN + i] > 0.0) & (s[SCORE + i] > s[ENOUGH + i] + SCORE_ROUNDING)
+        uneven = kept & (s[KEPT + i] >= s[LEAST + i]) & (s[RATIO + i] > s[MOST_RATIO + i])
+        doubt = (s[TODO + i] > 0.0) & (not lost) & (not uneven)
+        s[BY_RATIO + i] += 1.0 if uneven else 0.0
+        s[LONE + i] = 1.0 if doubt else s[LONE + i]
+        s[TODO + i] = 0.0 if doubt else s[TODO + i]
+
+
+@helper()
+def _want(s: FloatArray, n: int, guard: Guard) -> int:
+    """Get ready to try the steps of a block; count the lanes that have one."""
+    enough = -np.inf if math.isnan(guard.good) else guard.good * abs(guard.good)
+    left = 0
+    for i in range(n):
+        s[NEW_X + i], s[NEW_Y + i] = s[X + i], s[Y + i]
+        s[LONE + i], s[BY_RATIO + i] = 0.0, 0.0
+        todo = (s[SX + i] != 0.0) | (s[SY + i] != 0.0)
+        s[TODO + i] = 1.0 if todo else 0.0
+        left += 1 if todo else 0
+        s[ENOUGH + i] = enough
+    if not guard.fenced:
+        for i in range(n):
+            s[KEPT + i], s[LEAST + i] = 0.0, 0.0
+    if not guard.even:
+        for i in range(n):
+            s[RATIO + i], s[MOST_RATIO + i] = 1.0, np.inf
+    return left
+
+
+@helper()
+def _store(
     xy: FloatArray,
-    corners: TableArray,
-    centre: Centre,
-    dx: float,
-    dy: float,
-    good: float,
-    lines: FloatArray,
-    fence: Fence,
-) -> tuple[float, float]:
-    """Take the first of the whole step, its half, quarter and eighth that all guards allow.
-
-    Parameters
-    ----------
-    dx, dy
-        The step.
-    good
-        The ``"quality"`` guard: the star's smallest scaled Jacobian must not fall, or stay at or
-        above this. NaN for no such guard.
-    lines, fence
-        The guard lines, and the clearance to keep.
-
-    Returns
-    -------
-    x, y
-        The place to store: the present one where no step is allowed.
-    """
-    x, y = xy[centre.v, 0], xy[centre.v, 1]
-    present = np.nan  # the present quality, once it is needed
-    for _ in range(HALVINGS + 1):
-        new_x, new_y = x + dx, y + dy
-        if (
-            (new_x != x or new_y != y)
-            and keeps_clearance(lines, fence.n_lines, dx, dy, fence.least)
-            and keeps_corners(xy, corners, centre, new_x, new_y)
-        ):
-            if math.isnan(good):
-                return new_x, new_y
-            enough = good if math.isnan(present) else min(good, present)
-            score = star_scaled_jacobian(xy, corners, centre, new_x, new_y)
-            if score >= enough:
-                return new_x, new_y
-            if math.isnan(present):
-                present = star_scaled_jacobian(xy, corners, centre, x, y)
-                if score >= present:
-                    return new_x, new_y
-        dx *= 0.5
-        dy *= 0.5
-    return x, y
-
-
-@inlined_helper()
-def store_move(
-    xy: FloatArray,
-    centre: Centre,
-    x: float,
-    y: float,
-    shortest: float,
+    vertices: TableArray,
+    first: int,
+    n: int,
+    s: FloatArray,
     lengths: FloatArray,
     shares: FloatArray,
 ) -> None:
-    """Put a vertex at (x, y), where `allowed_step` lets it go, and measure its move.
+    """Put the vertices at their new places, and measure the moves."""
+    for i in range(n):
+        dx, dy = s[NEW_X + i] - s[X + i], s[NEW_Y + i] - s[Y + i]
+        length = np.sqrt(dx * dx + dy * dy)
+        share = length / s[SHORTEST + i]
+        lengths[first + i] = length
+        shares[first + i] = share if length > 0.0 else 0.0
+    for i in range(n):
+        v = vertices[first + i]
+        xy[v, 0], xy[v, 1] = s[NEW_X + i], s[NEW_Y + i]
+
+
+@helper()
+def unguarded_moves(
+    xy: FloatArray,
+    vertices: TableArray,
+    block: Block,
+    s: FloatArray,
+    lengths: FloatArray,
+    shares: FloatArray,
+) -> None:
+    """Move the vertices of a block by their whole steps, and measure: as in `guarded_moves`."""
+    for i in range(block.size):
+        s[NEW_X + i], s[NEW_Y + i] = s[X + i] + s[SX + i], s[Y + i] + s[SY + i]
+    _store(xy, vertices, block.first, block.size, s, lengths, shares)
+
+
+@helper()
+def guarded_moves(
+    xy: FloatArray,
+    vertices: TableArray,
+    block: Block,
+    guard: Guard,
+    star: FloatArray,
+    s: FloatArray,
+    lines: FloatArray,
+    lengths: FloatArray,
+    shares: FloatArray,
+) -> None:
+    """Move the vertices of a block by as much of their steps as their guards allow, and measure.
 
     Parameters
     ----------
-    shortest
-        Shortest edge of the vertex, before the move.
+    vertices, block
+        As in `blocks.Blocks`.
+    star, s
+        Scratch, as `lanes.gather_stars` fills it, with the steps in rows SX and SY, and the
+        shortest edges in SHORTEST; if `guard.even`, the ratios to keep in MOST_RATIO.
+    lines
+        As `clearance.guard_lines` fills it, if `guard.fenced`; LEAST has the clearances to keep.
     lengths, shares : (n_movable,)
-        As in `stars.Moves`: overwritten for this vertex.
+        As in `stars.Moves`: overwritten for this block.
     """
-    dx, dy = x - xy[centre.v, 0], y - xy[centre.v, 1]
-    xy[centre.v, 0], xy[centre.v, 1] = x, y
-    length = math.sqrt(dx * dx + dy * dy)
-    lengths[centre.i] = length
-    shares[centre.i] = share(length, shortest)
-
-
-@inlined_helper()
-def guarded_move(
-    xy: FloatArray,
-    corners: TableArray,
-    centre: Centre,
-    step: Step,
-    good: float,
-    lines: FloatArray,
-    fence: Fence,
-    lengths: FloatArray,
-    shares: FloatArray,
-) -> None:
-    """Move a vertex by as much of its step as its guards allow, and measure the move.
-
-    Parameters
-    ----------
-    good, lines, fence
-        As in `allowed_step`.
-    lengths, shares
-        As in `store_move`.
-    """
-    if step.dx == 0.0 and step.dy == 0.0:
-        lengths[centre.i], shares[centre.i] = 0.0, 0.0
-        return
-    x, y = allowed_step(xy, corners, centre, step.dx, step.dy, good, lines, fence)
-    store_move(xy, centre, x, y, step.shortest, lengths, shares)
+    n = block.size
+    left = _want(s, n, guard)
+    for attempt in range(len(TRIALS)):
+        if left == 0:
+            break
+        _try(star, s, block, TRIALS[attempt])
+        if attempt == PRESENT:
+            _ask_no_more(star, s, block)
+            continue
+        if guard.fenced:
+            keep_clearances(lines, s, block, TRIALS[attempt])
+        if guard.even:
+            judge_ratios(star, s, block)
+        left = _accept(s, n)
+        if left <= FEW:
+            break
+        if attempt > PRESENT:
+            _part_doubts(s, n)
+    for i in range(n):
+        # Steps that were refused by the ratio and by other guards in turn may be halved further.
+        mixed = 0.0 < s[BY_RATIO + i] < N_HALVED
+        if s[LONE + i] > 0.0 or (s[TODO + i] > 0.0 and (left <= FEW or mixed)):
+            s[NEW_X + i], s[NEW_Y + i] = lone_step(star, s, lines, block, guard, i)
+    _store(xy, vertices, block.first, n, s, lengths, shares)

@@ -2,10 +2,8 @@
 
 import math
 
-from numba import prange
-
 from qsmooth._types import BoolArray, FloatArray, IndexArray
-from qsmooth.kernels._jit import helper, kernel, parallel_kernel
+from qsmooth.kernels._jit import helper, kernel
 from qsmooth.kernels.geometry import orientation
 
 # How far from the line between its neighbours a doublet is put, over their distance: the first at
@@ -13,7 +11,7 @@ from qsmooth.kernels.geometry import orientation
 HAIRS = (1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4)
 
 
-@parallel_kernel()
+@kernel()
 def hopeless_cells(
     xy: FloatArray, cell_offsets: IndexArray, cell_vertices: IndexArray, movable: BoolArray,
     out: BoolArray,
@@ -28,7 +26,7 @@ def hopeless_cells(
     out : (n_cells,)
         Overwritten.
     """
-    for c in prange(out.size):
+    for c in range(out.size):
         first, last = cell_offsets[c], cell_offsets[c + 1]
         out[c] = False
         d = cell_vertices[last - 1]

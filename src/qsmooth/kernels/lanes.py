@@ -32,6 +32,39 @@ LEAST_PROMISE = 1e-14
 FRACTIONS = (1.0, 0.4, 0.1)
 
 
+@lane_helper()
+def smaller(a: float, b: float) -> float:
+    """Take the smaller, and b where one is NaN."""
+    return a if a < b else b
+
+
+@lane_helper()
+def larger(a: float, b: float) -> float:
+    """Take the larger, and b where one is NaN."""
+    return a if a > b else b
+
+
+@helper()
+def gather_stars(
+    xy: FloatArray,
+    vertices: TableArray,
+    stars: TableArray,
+    block: Block,
+    star_xy: FloatArray,
+    s: FloatArray,
+) -> None:
+    """Fetch the coordinates of a block's vertices and of their stars; as `gather_block`."""
+    first, n = block.first, block.size
+    for k in range(3 * block.n_quads + 2 * block.n_triangles):
+        x, y, row = k * ROW2, k * ROW2 + ROW, block.start + k * n
+        for i in range(n):
+            w = stars[row + i]
+            star_xy[x + i], star_xy[y + i] = xy[w, 0], xy[w, 1]
+    for i in range(n):
+        v = vertices[first + i]
+        s[X + i], s[Y + i] = xy[v, 0], xy[v, 1]
+
+
 @helper()
 def gather_block(
     xy: FloatArray,
@@ -53,16 +86,9 @@ def gather_block(
     lengths : (n_movable,)
         Overwritten with 0 for this block.
     """
-    first, n = block.first, block.size
-    for k in range(3 * block.n_quads + 2 * block.n_triangles):
-        x, y, row = k * ROW2, k * ROW2 + ROW, block.start + k * n
-        for i in range(n):
-            w = stars[row + i]
-            star_xy[x + i], star_xy[y + i] = xy[w, 0], xy[w, 1]
-    for i in range(n):
-        v = vertices[first + i]
-        s[X + i], s[Y + i] = xy[v, 0], xy[v, 1]
-        lengths[first + i] = 0.0
+    gather_stars(xy, vertices, stars, block, star_xy, s)
+    for i in range(block.size):
+        lengths[block.first + i] = 0.0
     for i in range(ROW6):
         s[i] = 0.0
 

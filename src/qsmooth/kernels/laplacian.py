@@ -1,69 +1,106 @@
 """Laplacian smoothing: plain, the baseline that everybody knows, and guarded."""
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import prange
 
-from qsmooth._types import FloatArray, IndexArray
-from qsmooth.kernels._jit import inlined_helper, parallel_kernel
-from qsmooth.kernels.geometry import distance, share
-from qsmooth.kernels.guards import NO_FENCE, centre_of, guarded_move
-from qsmooth.kernels.stars import CHUNK, Moves, Rings, Stars, Step
+from qsmooth._types import FloatArray
+from qsmooth.kernels._jit import helper, parallel_kernel
+from qsmooth.kernels.blocks import LANES, Block, Blocks, block_at, lane_row
+from qsmooth.kernels.guard_rows import N_GUARD_ROWS, SHORTEST
+from qsmooth.kernels.guards import guarded_moves
+from qsmooth.kernels.lanes import ROW, ROW2, ROW4, ROW6, SX, SY, X, Y, gather_stars, smaller
+from qsmooth.kernels.lone_guards import Guard
+from qsmooth.kernels.ring_blocks import FIRST, N_NEIGHBOURS, SIZE, START, RingBlocks
+from qsmooth.kernels.stars import Moves
 
-
-@inlined_helper()
-def step_to_ring(
-    xy: FloatArray, ring_offsets: IndexArray, ring_vertices: IndexArray, v: int
-) -> Step:
-    """Step from v to the mean of its edge neighbours."""
-    x, y = xy[v, 0], xy[v, 1]
-    first, last = ring_offsets[v], ring_offsets[v + 1]
-    dx, dy, shortest = 0.0, 0.0, np.inf
-    for k in range(first, last):
-        w = ring_vertices[k]
-        dx += xy[w, 0] - x
-        dy += xy[w, 1] - y
-        shortest = min(shortest, distance(x, y, xy[w, 0], xy[w, 1]))
-    return Step(dx / (last - first), dy / (last - first), shortest)
+# The grain of the parallel loop over blocks of rings.
+BLOCKS_A_CHUNK = 16
+# Rows of lanes of a plain sweep: where a vertex is, the sum of the ways to its neighbours, the
+# shortest of them squared.
+AT_X, AT_Y, DX, DY, NEAREST = (lane_row(k) for k in range(5))
+N_ROWS = 5
+ONE: Any = np.uint64(1)
 
 
 @parallel_kernel()
-def laplacian_sweep(
-    xy: FloatArray, rings: Rings, stars: Stars, xy_out: FloatArray, moves: Moves
-) -> None:
+def laplacian_sweep(xy: FloatArray, blocks: RingBlocks, xy_out: FloatArray, moves: Moves) -> None:
     """Put each vertex at the mean of its ring, all at once and unguarded.
 
     Parameters
     ----------
     xy : (n_vertices, 2)
         Coordinates, in any one unit.
-    rings
-        The edge neighbours of each vertex.
-    stars
-        Its `vertices` are those that move.
+    blocks
+        The vertices that move, and their edge neighbours.
     xy_out : (n_vertices, 2)
         Overwritten in the rows of these vertices.
     moves
-        Overwritten.
+        Overwritten, in the order of the blocks' vertices.
     """
-    vertices = stars.vertices
-    ring_offsets, ring_vertices = rings
+    table, vertices, neighbours = blocks
     lengths, shares = moves.lengths, moves.shares
-    for i in prange(vertices.size):
-        v = vertices[i]
-        dx, dy, shortest = step_to_ring(xy, ring_offsets, ring_vertices, v)
-        xy_out[v, 0] = xy[v, 0] + dx
-        xy_out[v, 1] = xy[v, 1] + dy
-        lengths[i] = math.sqrt(dx * dx + dy * dy)
-        shares[i] = share(lengths[i], shortest)
+    for chunk in prange((table.shape[0] + BLOCKS_A_CHUNK - 1) // BLOCKS_A_CHUNK):
+        s = np.empty(N_ROWS * LANES)
+        start = chunk * BLOCKS_A_CHUNK
+        for block in range(start, min(start + BLOCKS_A_CHUNK, table.shape[0])):
+            first, n = table[block, FIRST], table[block, SIZE]
+            n_neighbours = table[block, N_NEIGHBOURS]
+            k = table[block, START]
+            for i in range(n):
+                v = vertices[first + i]
+                x, y = xy[v, 0], xy[v, 1]
+                dx, dy, shortest = 0.0, 0.0, np.inf
+                for _ in range(n_neighbours):
+                    w = neighbours[k]
+                    ex, ey = xy[w, 0] - x, xy[w, 1] - y
+                    dx += ex
+                    dy += ey
+                    shortest = min(shortest, ex * ex + ey * ey)
+                    k += ONE
+                s[AT_X + i], s[AT_Y + i], s[NEAREST + i] = x, y, shortest
+                s[DX + i], s[DY + i] = dx, dy
+            for i in range(n):
+                dx, dy = s[DX + i] / n_neighbours, s[DY + i] / n_neighbours
+                length, shortest = math.sqrt(dx * dx + dy * dy), math.sqrt(s[NEAREST + i])
+                s[AT_X + i] += dx
+                s[AT_Y + i] += dy
+                lengths[first + i] = length
+                part = length / shortest if shortest > 0.0 else np.inf
+                shares[first + i] = part if length > 0.0 else 0.0
+            for i in range(n):
+                v = vertices[first + i]
+                xy_out[v, 0], xy_out[v, 1] = s[AT_X + i], s[AT_Y + i]
+
+
+@helper()
+def steps_to_means(star: FloatArray, s: FloatArray, block: Block) -> None:
+    """Fill rows SX, SY and SHORTEST of a block: the steps to the means of the edge neighbours.
+
+    Each edge neighbour of a vertex inside the mesh is the next corner of one of its cells.
+    """
+    n, quads, count = block.size, block.n_quads, block.n_quads + block.n_triangles
+    for i in range(n):
+        s[SX + i], s[SY + i], s[SHORTEST + i] = 0.0, 0.0, np.inf
+    for k in range(count):
+        at = k * ROW6 if k < quads else quads * ROW2 + k * ROW4
+        for i in range(n):
+            dx, dy = star[at + i] - s[X + i], star[at + ROW + i] - s[Y + i]
+            s[SX + i] += dx
+            s[SY + i] += dy
+            s[SHORTEST + i] = smaller(dx * dx + dy * dy, s[SHORTEST + i])
+    for i in range(n):
+        s[SX + i] /= count
+        s[SY + i] /= count
+        s[SHORTEST + i] = np.sqrt(s[SHORTEST + i])
 
 
 @parallel_kernel()
 def smart_laplacian_sweep(
     xy: FloatArray,
-    rings: Rings,
-    stars: Stars,
+    blocks: Blocks,
     colours: tuple[int, int],
     good: float,
     moves: Moves,
@@ -72,19 +109,16 @@ def smart_laplacian_sweep(
 
     Parameters
     ----------
-    rings
-        The edge neighbours of each vertex.
-    xy, stars, colours, good, moves
+    xy, blocks, colours, good, moves
         As in `star.star_sweep`.
     """
-    colour_offsets, vertices, offsets, corners, _, _ = stars
-    ring_offsets, ring_vertices = rings
+    colour_blocks, table, vertices, stars, _, largest = blocks
     lengths, shares = moves.lengths, moves.shares
-    no_lines = np.empty((0, 3))
+    guard = Guard(good, False, False)
     for colour in range(colours[0], colours[1]):
-        start, stop = colour_offsets[colour], colour_offsets[colour + 1]
-        for chunk in prange((stop - start + CHUNK - 1) // CHUNK):
-            for i in range(start + chunk * CHUNK, min(start + (chunk + 1) * CHUNK, stop)):
-                v = centre_of(vertices, offsets, i)
-                wanted = step_to_ring(xy, ring_offsets, ring_vertices, v.v)
-                guarded_move(xy, corners, v, wanted, good, no_lines, NO_FENCE, lengths, shares)
+        for b in prange(colour_blocks[colour], colour_blocks[colour + 1]):
+            s, star = np.empty(N_GUARD_ROWS * LANES), np.empty(6 * largest * LANES)
+            block = block_at(table, b)
+            gather_stars(xy, vertices, stars, block, star, s)
+            steps_to_means(star, s, block)
+            guarded_moves(xy, vertices, block, guard, star, s, s, lengths, shares)

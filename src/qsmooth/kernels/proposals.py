@@ -5,18 +5,36 @@ along the normal of its diagonal, shrink or stretch the diagonal, and even out i
 diagonal's ends. In a triangle the opposite edge plays the diagonal.
 """
 
-import math
+from typing import NamedTuple
 
 import numpy as np
 
 from qsmooth._types import FloatArray, TableArray
-from qsmooth.kernels._jit import helper
-from qsmooth.kernels.guards import clearance, guard_lines, keeps_clearance, tolerated_loss
-from qsmooth.kernels.stars import NO_VERTEX, Centre, Step
+from qsmooth.kernels._jit import helper, lane_helper
+from qsmooth.kernels.blocks import Block
+from qsmooth.kernels.guard_rows import (
+    FIRST_KEPT,
+    FIRST_X,
+    FIRST_Y,
+    LEAST,
+    LINE,
+    LINE2,
+    LINE_X,
+    LINE_Y,
+    LOSS,
+    QUAD_LINES,
+    SECOND_KEPT,
+    SECOND_X,
+    SECOND_Y,
+    STRIDE,
+    SUM_X,
+    SUM_Y,
+    WEIGHT,
+)
+from qsmooth.kernels.lanes import ROW, ROW2, ROW3, ROW4, ROW5, ROW6, SX, SY, X, Y, smaller
 
-# Rows of the thresholds: by kind of cell. Columns: too large, too small; see `thresholds`.
+# Rows of the thresholds: by kind of cell. Columns: `Limits`.
 QUAD, TRIANGLE = 0, 1
-COS_MAX, COS_MIN, HEIGHT_MAX, HEIGHT_MIN = range(4)
 
 
 def thresholds(
@@ -32,137 +50,222 @@ def thresholds(
         return np.hstack([np.cos(angles), 0.5 / np.tan(0.5 * angles)])
 
 
-@helper()
+class Limits(NamedTuple):
+    """A row of what `thresholds` tabulates."""
+
+    cos_max: float
+    cos_min: float
+    height_max: float
+    height_min: float
+
+
+@lane_helper()
+def _off_limits(height: float, dot: float, edges: float, limits: Limits) -> tuple[bool, bool]:
+    """Whether a corner's angle is too large, and whether it is too small."""
+    found = edges > 0.0
+    large = found & ((height < 0.0) | (dot < limits.cos_max * edges))
+    return large, found & (not large) & (dot > limits.cos_min * edges)
+
+
+@lane_helper()
 def _push(
-    ux: float, uy: float, wx: float, wy: float, angles: FloatArray, kind: int, step: float
-) -> tuple[float, float, float, float, float]:
-    """Look at the corner at the origin between its next vertex u and its previous vertex w.
+    height: float, length: float, dot: float, edges: float, limits: Limits, step: float
+) -> float:
+    """How far to move a corner away from its diagonal (negative: towards it); 0 for no proposal."""
+    large, small = _off_limits(height, dot, edges, limits)
+    way = (limits.height_max if large else limits.height_min) * length - height
+    return step * way if (large & (way > 0.0)) | (small & (way < 0.0)) else 0.0
+
+
+@lane_helper()
+def _shrink(
+    height: float, length: float, dot: float, edges: float, limits: Limits, step: float
+) -> float:
+    """How far to move each end of a corner's diagonal towards the other (negative: away)."""
+    large, small = _off_limits(height, dot, edges, limits)
+    way = length - abs(height) / (limits.height_max if large else limits.height_min)
+    shrink, most = 0.5 * step * way, -0.5 * step * length
+    shrink = most if small & (shrink < most) else shrink
+    return shrink if (large & (way > 0.0)) | (small & (way < 0.0)) else 0.0
+
+
+@helper()
+def _gather_strides(
+    s: FloatArray, block: Block, k: int, cells: TableArray, pace: FloatArray, step: float
+) -> None:
+    """Look up the fraction of its moves that cell k of each star proposes."""
+    row = block.rows + k * block.size
+    for i in range(block.size):
+        s[STRIDE + i] = step * pace[cells[row + i]]
+
+
+@helper()
+def _propose(
+    star: FloatArray,
+    s: FloatArray,
+    lines: FloatArray,
+    u: int,
+    w: int,
+    line: int,
+    n: int,
+    limits: Limits,
+) -> None:
+    """Push or pull each vertex between its neighbours in rows u and w of a cell, and even it out.
+
+    The line u→w is its guard line.
+    """
+    for i in range(n):
+        x, y = s[X + i], s[Y + i]
+        ux, uy = star[u + i] - x, star[u + ROW + i] - y
+        wx, wy = star[w + i] - x, star[w + ROW + i] - y
+        height, nx, ny = lines[line + i], lines[line + LINE_X + i], lines[line + LINE_Y + i]
+        tx, ty = ny, -nx
+        length = (wx - ux) * tx + (wy - uy) * ty
+        edges = np.sqrt((ux * ux + uy * uy) * (wx * wx + wy * wy))
+        push = _push(height, length, ux * wx + uy * wy, edges, limits, s[STRIDE + i])
+        slide = s[STRIDE + i] * 0.5 * ((ux + wx) * tx + (uy + wy) * ty)
+        s[FIRST_X + i], s[FIRST_Y + i] = nx * push, ny * push
+        s[SECOND_X + i], s[SECOND_Y + i] = tx * slide, ty * slide
+        s[FIRST_KEPT + i], s[SECOND_KEPT + i] = np.inf, np.inf
+
+
+@helper()
+def _shrink_diagonals(star: FloatArray, s: FloatArray, at: int, n: int, limits: Limits) -> int:
+    """Shrink or stretch the diagonal v→b of a quad (v, a, b, c) for its corners a and c.
 
     Returns
     -------
-    tx, ty
-        Unit vector from u to w.
-    push
-        How far to move the corner to the left of u→w (negative: to the right); 0 for no proposal.
-    slide
-        How far to move it along u→w to even it out.
-    shrink
-        How far to move each end of the diagonal towards the other (negative: away).
+    found
+        Proposals, of all lanes.
     """
-    ex, ey = wx - ux, wy - uy
-    length = math.sqrt(ex * ex + ey * ey)
-    if length == 0.0:
-        return 0.0, 0.0, 0.0, 0.0, 0.0
-    tx, ty = ex / length, ey / length
-    jacobian = ux * wy - uy * wx
-    dot = ux * wx + uy * wy
-    height = jacobian / length
-    edges = math.sqrt((ux * ux + uy * uy) * (wx * wx + wy * wy))
-    slide = step * 0.5 * ((ux + wx) * tx + (uy + wy) * ty)
-    push, shrink = 0.0, 0.0
-    if edges > 0.0:
-        if jacobian < 0.0 or dot < angles[kind, COS_MAX] * edges:  # too large an angle
-            wanted = angles[kind, HEIGHT_MAX] * length
-            if height < wanted:
-                push = step * (wanted - height)
-            wanted = abs(height) / angles[kind, HEIGHT_MAX]
-            if length > wanted:
-                shrink = 0.5 * step * (length - wanted)
-        elif dot > angles[kind, COS_MIN] * edges:  # too small an angle
-            wanted = angles[kind, HEIGHT_MIN] * length
-            if height > wanted:
-                push = step * (wanted - height)
-            wanted = abs(height) / angles[kind, HEIGHT_MIN]
-            if length < wanted:
-                shrink = max(0.5 * step * (length - wanted), -0.5 * step * length)
-    return tx, ty, push, slide, shrink
+    found = 0
+    for i in range(n):
+        x, y, step = s[X + i], s[Y + i], s[STRIDE + i]
+        ax, ay, bx, by = star[at + i], star[at + ROW + i], star[at + ROW2 + i], star[at + ROW3 + i]
+        cx, cy = star[at + ROW4 + i] - x, star[at + ROW5 + i] - y
+        ax, ay, bx, by = ax - x, ay - y, bx - x, by - y
+        length = np.sqrt(bx * bx + by * by)
+        inv = 1.0 / length
+        tx, ty = bx * inv, by * inv
+        ex, ey, fx, fy = ax - bx, ay - by, cx - bx, cy - by
+        edges = np.sqrt((ax * ax + ay * ay) * (ex * ex + ey * ey))
+        height = (ax * by - ay * bx) * inv
+        at_a = _shrink(height, length, ax * ex + ay * ey, edges, limits, step)
+        edges = np.sqrt((cx * cx + cy * cy) * (fx * fx + fy * fy))
+        height = (bx * cy - by * cx) * inv
+        at_c = _shrink(height, length, cx * fx + cy * fy, edges, limits, step)
+        s[FIRST_X + i], s[FIRST_Y + i] = tx * at_a, ty * at_a
+        s[SECOND_X + i], s[SECOND_Y + i] = tx * at_c, ty * at_c
+        s[FIRST_KEPT + i], s[SECOND_KEPT + i] = np.inf, np.inf
+        found += (1 if at_a != 0.0 else 0) + (1 if at_c != 0.0 else 0)
+    return found
+
+
+@lane_helper()
+def _nearer(lines: FloatArray, line: int, dx: float, dy: float, kept: float) -> float:
+    """Take the clearance from one more line into account."""
+    moved = lines[line] + (lines[line + LINE_X] * dx + lines[line + LINE_Y] * dy)
+    return smaller(moved, kept)
 
 
 @helper()
-def _add_if_kept(
+def _keep_quad_lines(lines: FloatArray, s: FloatArray, line: int, n: int) -> None:
+    """Keep the least clearances of two proposals from the lines of a quad."""
+    for i in range(n):
+        dx, dy, kept = s[FIRST_X + i], s[FIRST_Y + i], s[FIRST_KEPT + i]
+        kept = _nearer(lines, line + i, dx, dy, kept)
+        kept = _nearer(lines, line + LINE + i, dx, dy, kept)
+        s[FIRST_KEPT + i] = _nearer(lines, line + LINE2 + i, dx, dy, kept)
+        dx, dy, kept = s[SECOND_X + i], s[SECOND_Y + i], s[SECOND_KEPT + i]
+        kept = _nearer(lines, line + i, dx, dy, kept)
+        kept = _nearer(lines, line + LINE + i, dx, dy, kept)
+        s[SECOND_KEPT + i] = _nearer(lines, line + LINE2 + i, dx, dy, kept)
+
+
+@helper()
+def _keep_line(lines: FloatArray, s: FloatArray, line: int, n: int) -> None:
+    """Keep the least clearances of two proposals from one line."""
+    for i in range(n):
+        d, nx, ny = lines[line + i], lines[line + LINE_X + i], lines[line + LINE_Y + i]
+        first = d + (nx * s[FIRST_X + i] + ny * s[FIRST_Y + i])
+        second = d + (nx * s[SECOND_X + i] + ny * s[SECOND_Y + i])
+        s[FIRST_KEPT + i] = smaller(first, s[FIRST_KEPT + i])
+        s[SECOND_KEPT + i] = smaller(second, s[SECOND_KEPT + i])
+
+
+@helper()
+def _add_kept(s: FloatArray, n: int) -> None:
+    """Add the two proposals of each lane that are moves and keep the clearance."""
+    for i in range(n):
+        least, loss = s[LEAST + i], s[LOSS + i]
+        dx, dy = s[FIRST_X + i], s[FIRST_Y + i]
+        ex, ey = s[SECOND_X + i], s[SECOND_Y + i]
+        moves = dx * dx + dy * dy >= loss * loss
+        first = 1.0 if moves & (s[FIRST_KEPT + i] >= least) else 0.0
+        moves = ex * ex + ey * ey >= loss * loss
+        second = 1.0 if moves & (s[SECOND_KEPT + i] >= least) else 0.0
+        s[SUM_X + i] += (dx if first > 0.0 else 0.0) + (ex if second > 0.0 else 0.0)
+        s[SUM_Y + i] += (dy if first > 0.0 else 0.0) + (ey if second > 0.0 else 0.0)
+        s[WEIGHT + i] += first + second
+
+
+@helper()
+def mean_proposals(
+    star: FloatArray,
+    s: FloatArray,
     lines: FloatArray,
-    n_lines: int,
-    least: float,
-    smallest: float,
-    dx: float,
-    dy: float,
-    total_x: float,
-    total_y: float,
-    count: int,
-) -> tuple[float, float, int]:
-    """Add a proposal to the accepted ones unless it is no move at all or loses clearance."""
-    if dx * dx + dy * dy >= smallest * smallest and keeps_clearance(lines, n_lines, dx, dy, least):
-        return total_x + dx, total_y + dy, count + 1
-    return total_x, total_y, count
-
-
-@helper()
-def mean_proposal(
-    xy: FloatArray,
-    corners: TableArray,
+    block: Block,
     cells: TableArray,
-    centre: Centre,
     pace: FloatArray,
     angles: FloatArray,
     step: float,
     by_quad: bool,
-    lines: FloatArray,
-) -> Step:
-    """Average the accepted proposals that the cells around a vertex v make for it.
+) -> None:
+    """Average the accepted proposals that the cells around each vertex of a block make for it.
 
     Each cell pushes or pulls v and evens it out; `by_quad` adds what its two neighbours' corners
     propose to v as an end of their diagonals.
 
     Parameters
     ----------
-    corners, cells
-        As in `stars.Stars`.
+    star, s, lines
+        Scratch, as `clearance.guard_lines` leaves it; SX and SY are overwritten with the means,
+        zero where nothing was accepted.
+    block, cells
+        As in `blocks.Blocks`.
     pace : (n_cells,)
         Multiple of `step` at which each cell proposes; 0 for a cell that proposes nothing.
     angles : (2, 4)
         As `thresholds` tabulates them.
     step
         Fraction of each move that is proposed, in (0, 1].
-    lines : (3 * cells in the star, 3)
-        Scratch: overwritten with the guard lines of v.
-
-    Returns
-    -------
-    step
-        Zero where nothing was accepted.
     """
-    n_lines, longest, shortest, largest = guard_lines(xy, corners, centre, lines)
-    loss = tolerated_loss(longest, largest)
-    least = clearance(lines, n_lines) - loss
-    x, y = xy[centre.v, 0], xy[centre.v, 1]
-    sx, sy, count = 0.0, 0.0, 0
-    for row in range(centre.first, centre.last):
-        stride = step * pace[cells[row]]
-        if stride == 0.0:
-            continue
-        a, b, c = corners[row, 0], corners[row, 1], corners[row, 2]
-        ax, ay = xy[a, 0] - x, xy[a, 1] - y
-        cx, cy = xy[c, 0] - x, xy[c, 1] - y
-        kind = TRIANGLE if b == NO_VERTEX else QUAD
-        tx, ty, push, slide, _ = _push(ax, ay, cx, cy, angles, kind, stride)
-        sx, sy, count = _add_if_kept(
-            lines, n_lines, least, loss, -ty * push, tx * push, sx, sy, count
-        )
-        if by_quad and kind == QUAD:
-            bx, by = xy[b, 0] - x, xy[b, 1] - y
-            # v is the previous vertex of corner a, whose diagonal runs from b to v,
-            tx2, ty2, _, _, shrink = _push(bx - ax, by - ay, -ax, -ay, angles, kind, stride)
-            sx, sy, count = _add_if_kept(
-                lines, n_lines, least, loss, -tx2 * shrink, -ty2 * shrink, sx, sy, count
-            )
-            # and the next vertex of corner c, whose diagonal runs from v to b.
-            tx2, ty2, _, _, shrink = _push(-cx, -cy, bx - cx, by - cy, angles, kind, stride)
-            sx, sy, count = _add_if_kept(
-                lines, n_lines, least, loss, tx2 * shrink, ty2 * shrink, sx, sy, count
-            )
-        sx, sy, count = _add_if_kept(
-            lines, n_lines, least, loss, tx * slide, ty * slide, sx, sy, count
-        )
-    if count == 0:
-        return Step(0.0, 0.0, shortest)
-    return Step(sx / count, sy / count, shortest)
+    n, quads = block.size, block.n_quads
+    for i in range(n):
+        s[SUM_X + i], s[SUM_Y + i], s[WEIGHT + i] = 0.0, 0.0, 0.0
+    of_quads = Limits(angles[QUAD, 0], angles[QUAD, 1], angles[QUAD, 2], angles[QUAD, 3])
+    of_triangles = Limits(
+        angles[TRIANGLE, 0], angles[TRIANGLE, 1], angles[TRIANGLE, 2], angles[TRIANGLE, 3]
+    )
+    count = quads + block.n_triangles
+    for k in range(count + quads if by_quad else count):
+        cell = k if k < count else k - count
+        _gather_strides(s, block, cell, cells, pace, step)
+        if k >= count:
+            if _shrink_diagonals(star, s, cell * ROW6, n, of_quads) == 0:
+                continue
+        else:
+            u, w, line, asked = cell * ROW6, cell * ROW6 + ROW4, cell * QUAD_LINES, of_quads
+            if k >= quads:
+                u, line = quads * ROW2 + k * ROW4, quads * LINE2 + k * LINE
+                w, asked = u + ROW2, of_triangles
+            _propose(star, s, lines, u, w, line, n, asked)
+        for other in range(quads):
+            _keep_quad_lines(lines, s, other * QUAD_LINES, n)
+        for other in range(block.n_triangles):
+            _keep_line(lines, s, quads * QUAD_LINES + other * LINE, n)
+        _add_kept(s, n)
+    for i in range(n):
+        found = s[WEIGHT + i] > 0.0
+        x, y = s[SUM_X + i] / s[WEIGHT + i], s[SUM_Y + i] / s[WEIGHT + i]
+        s[SX + i], s[SY + i] = x if found else 0.0, y if found else 0.0

@@ -5,22 +5,20 @@ from numba import prange
 
 from qsmooth._types import FloatArray
 from qsmooth.kernels._jit import parallel_kernel
-from qsmooth.kernels.guards import (
-    Fence,
-    centre_of,
-    clearance,
-    guard_lines,
-    guarded_move,
-    tolerated_loss,
-)
-from qsmooth.kernels.proposals import mean_proposal
-from qsmooth.kernels.stars import CHUNK, Moves, Stars, Step
+from qsmooth.kernels.blocks import LANES, Blocks, block_at
+from qsmooth.kernels.clearance import guard_lines
+from qsmooth.kernels.guard_rows import N_GUARD_ROWS, ROWS_OF_LINES
+from qsmooth.kernels.guards import guarded_moves
+from qsmooth.kernels.lanes import SX, SY, gather_stars
+from qsmooth.kernels.lone_guards import Guard
+from qsmooth.kernels.proposals import mean_proposals
+from qsmooth.kernels.stars import Moves
 
 
 @parallel_kernel()
 def quad_proposals(
     xy: FloatArray,
-    stars: Stars,
+    blocks: Blocks,
     pace: FloatArray,
     thresholds: FloatArray,
     step: float,
@@ -30,24 +28,28 @@ def quad_proposals(
 
     Parameters
     ----------
-    xy, stars, pace, thresholds, step
+    xy, blocks, pace, thresholds, step
         As in `star.star_sweep`; nothing moves here.
     wanted : (n_movable, 2)
-        Overwritten. Displacement of each vertex.
+        Overwritten. Displacement of each vertex, in the order of the blocks.
     """
-    _, vertices, offsets, corners, cells, largest = stars
-    for chunk in prange((vertices.size + CHUNK - 1) // CHUNK):
-        lines = np.empty((3 * largest, 3))
-        for i in range(chunk * CHUNK, min((chunk + 1) * CHUNK, vertices.size)):
-            v = centre_of(vertices, offsets, i)
-            mean = mean_proposal(xy, corners, cells, v, pace, thresholds, step, True, lines)
-            wanted[i, 0], wanted[i, 1] = mean.dx, mean.dy
+    _, table, vertices, stars, cells, largest = blocks
+    for b in prange(table.shape[0]):
+        s, star = np.empty(N_GUARD_ROWS * LANES), np.empty(6 * largest * LANES)
+        lines = np.empty(ROWS_OF_LINES * largest * LANES)
+        block = block_at(table, b)
+        gather_stars(xy, vertices, stars, block, star, s)
+        guard_lines(star, s, block, lines)
+        mean_proposals(star, s, lines, block, cells, pace, thresholds, step, True)
+        for i in range(block.size):
+            wanted[block.first + i, 0] = s[SX + i]
+            wanted[block.first + i, 1] = s[SY + i]
 
 
 @parallel_kernel()
 def guarded_commit(
     xy: FloatArray,
-    stars: Stars,
+    blocks: Blocks,
     colours: tuple[int, int],
     wanted: FloatArray,
     good: float,
@@ -61,23 +63,21 @@ def guarded_commit(
     Parameters
     ----------
     wanted : (n_movable, 2)
-        Displacement of each vertex.
-    xy, stars, colours, good, moves
+        Displacement of each vertex, in the order of the blocks.
+    xy, blocks, colours, good, moves
         As in `star.star_sweep`.
     """
-    colour_offsets, vertices, offsets, corners, _, largest = stars
+    colour_blocks, table, vertices, stars, _, largest = blocks
     lengths, shares = moves.lengths, moves.shares
+    guard = Guard(good, True, False)
     for colour in range(colours[0], colours[1]):
-        start, stop = colour_offsets[colour], colour_offsets[colour + 1]
-        for chunk in prange((stop - start + CHUNK - 1) // CHUNK):
-            lines = np.empty((3 * largest, 3))
-            for i in range(start + chunk * CHUNK, min(start + (chunk + 1) * CHUNK, stop)):
-                lengths[i], shares[i] = 0.0, 0.0
-                dx, dy = wanted[i, 0], wanted[i, 1]
-                if dx == 0.0 and dy == 0.0:
-                    continue
-                v = centre_of(vertices, offsets, i)
-                n_lines, longest, shortest, furthest = guard_lines(xy, corners, v, lines)
-                least = clearance(lines, n_lines) - tolerated_loss(longest, furthest)
-                step, fence = Step(dx, dy, shortest), Fence(n_lines, least)
-                guarded_move(xy, corners, v, step, good, lines, fence, lengths, shares)
+        for b in prange(colour_blocks[colour], colour_blocks[colour + 1]):
+            s, star = np.empty(N_GUARD_ROWS * LANES), np.empty(6 * largest * LANES)
+            lines = np.empty(ROWS_OF_LINES * largest * LANES)
+            block = block_at(table, b)
+            gather_stars(xy, vertices, stars, block, star, s)
+            guard_lines(star, s, block, lines)
+            for i in range(block.size):
+                s[SX + i] = wanted[block.first + i, 0]
+                s[SY + i] = wanted[block.first + i, 1]
+            guarded_moves(xy, vertices, block, guard, star, s, lines, lengths, shares)

@@ -6,7 +6,7 @@ from numba import prange
 from qsmooth._types import BoolArray, FloatArray, IndexArray
 from qsmooth.kernels._jit import parallel_kernel
 from qsmooth.kernels.cell_energy import badness_and_size, mapped_shape
-from qsmooth.kernels.cell_metrics import diamond_angle
+from qsmooth.kernels.cell_lanes import diamond_angle
 from qsmooth.kernels.corner_energy import Target, corner_shape, ideal_corner_shape
 from qsmooth.kernels.geometry import certainly_left, corner_dot, corner_jacobian
 from qsmooth.kernels.star_energy import SINE_60
@@ -42,7 +42,7 @@ def round_figures(
         the largest shape energy of its corners towards their targets; 1 at best, infinite where a
         corner is not positive;
     shape, area, smallest, largest : (n_cells,)
-        as by `shape`, `area` and `diamond_angles` of `cell_metrics`.
+        as by `cell_figures`, the angles in its diamond measure.
     certain : (n_cells,)
         Overwritten: whether a cell is valid beyond any rounding error.
     """

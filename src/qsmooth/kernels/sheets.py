@@ -12,10 +12,9 @@ A sheet may meet itself, and have one quad twice, but a link once.
 import math
 
 import numpy as np
-from numba import prange
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray
-from qsmooth.kernels._jit import helper, kernel, parallel_kernel
+from qsmooth.kernels._jit import helper, kernel
 
 # Rounds in which triangles that are left pair with others that are.
 ROUNDS = 4
@@ -136,7 +135,7 @@ def order_sheets(neighbours: IndexArray) -> tuple[IndexArray, IndexArray, BoolAr
     return offsets[: n_sheets + 1].copy(), links, closed[:n_sheets].copy()
 
 
-@parallel_kernel()
+@kernel()
 def fit_along(
     offsets: IndexArray,
     links: IndexArray,
@@ -164,7 +163,7 @@ def fit_along(
         Overwritten: the polynomial at the link; the weighted mean square of what it leaves of the
         values, over the share of degrees of freedom that it leaves; 0 where that is none.
     """
-    for s in prange(closed.size):
+    for s in range(closed.size):
         first, n = offsets[s], offsets[s + 1] - offsets[s]
         line = np.empty(n)
         for i in range(n):
@@ -219,7 +218,7 @@ def fit_along(
             residual[link] = left * count / (count - used - 1) if count > used + 1 else 0.0
 
 
-@parallel_kernel()
+@kernel()
 def mean_with_neighbours(
     cell_offsets: IndexArray,
     twins: IndexArray,
@@ -238,7 +237,7 @@ def mean_with_neighbours(
     means : (n_cells, k)
         Overwritten.
     """
-    for c in prange(cell_offsets.size - 1):
+    for c in range(cell_offsets.size - 1):
         for i in range(values.shape[1]):
             total, count = values[c, i], 1
             for k in range(cell_offsets[c], cell_offsets[c + 1]):

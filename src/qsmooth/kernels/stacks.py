@@ -9,10 +9,9 @@ from places than by averaging.
 import math
 
 import numpy as np
-from numba import prange
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray
-from qsmooth.kernels._jit import parallel_kernel
+from qsmooth.kernels._jit import kernel
 
 # Steps of Gauss and Newton, what one changes a logarithm by at most, and all of them together.
 STEPS, LARGEST_STEP, LARGEST = 3, 0.5, 0.7
@@ -20,7 +19,7 @@ STEPS, LARGEST_STEP, LARGEST = 3, 0.5, 0.7
 WALL_NOISE = 1e-2
 
 
-@parallel_kernel()
+@kernel()
 def match_heights(
     offsets: IndexArray,
     links: IndexArray,
@@ -51,7 +50,7 @@ def match_heights(
     log_scale : (n_links,)
         Overwritten: a.
     """
-    for s in prange(closed.size):
+    for s in range(closed.size):
         first, n = offsets[s], offsets[s + 1] - offsets[s]
         ring = closed[s]
         start_error = WALL_NOISE if walls[s, 0] else 1.0

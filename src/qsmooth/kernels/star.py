@@ -5,15 +5,20 @@ from numba import prange
 
 from qsmooth._types import FloatArray
 from qsmooth.kernels._jit import parallel_kernel
-from qsmooth.kernels.guards import NO_FENCE, centre_of, guarded_move
-from qsmooth.kernels.proposals import mean_proposal
-from qsmooth.kernels.stars import CHUNK, Moves, Stars
+from qsmooth.kernels.blocks import LANES, Blocks, block_at
+from qsmooth.kernels.clearance import guard_lines
+from qsmooth.kernels.guard_rows import N_GUARD_ROWS, ROWS_OF_LINES
+from qsmooth.kernels.guards import guarded_moves
+from qsmooth.kernels.lanes import gather_stars
+from qsmooth.kernels.lone_guards import Guard
+from qsmooth.kernels.proposals import mean_proposals
+from qsmooth.kernels.stars import Moves
 
 
 @parallel_kernel()
 def star_sweep(
     xy: FloatArray,
-    stars: Stars,
+    blocks: Blocks,
     colours: tuple[int, int],
     pace: FloatArray,
     thresholds: FloatArray,
@@ -27,8 +32,8 @@ def star_sweep(
     ----------
     xy : (n_vertices, 2)
         Coordinates, in any one unit. Moved in place.
-    stars
-        The movable vertices and the cells around them.
+    blocks
+        The movable vertices and the cells around them (`blocks.build_blocks`).
     colours
         First colour to move, and the one to stop before; (0, n_colours) moves every vertex.
     pace : (n_cells,)
@@ -40,16 +45,18 @@ def star_sweep(
     good
         Scaled Jacobian of the ``"quality"`` guard; NaN for the ``"clearance"`` guard.
     moves
-        Overwritten for the vertices of these colours.
+        Overwritten for the vertices of these colours, in the order of the blocks.
     """
-    colour_offsets, vertices, offsets, corners, cells, largest = stars
+    colour_blocks, table, vertices, stars, cells, largest = blocks
     lengths, shares = moves.lengths, moves.shares
+    # The mean of places that each keep the clearance keeps it too.
+    guard = Guard(good, False, False)
     for colour in range(colours[0], colours[1]):
-        start, stop = colour_offsets[colour], colour_offsets[colour + 1]
-        for chunk in prange((stop - start + CHUNK - 1) // CHUNK):
-            lines = np.empty((3 * largest, 3))
-            for i in range(start + chunk * CHUNK, min(start + (chunk + 1) * CHUNK, stop)):
-                v = centre_of(vertices, offsets, i)
-                # The mean of places that each keep the clearance keeps it too.
-                wanted = mean_proposal(xy, corners, cells, v, pace, thresholds, step, False, lines)
-                guarded_move(xy, corners, v, wanted, good, lines, NO_FENCE, lengths, shares)
+        for b in prange(colour_blocks[colour], colour_blocks[colour + 1]):
+            s, star = np.empty(N_GUARD_ROWS * LANES), np.empty(6 * largest * LANES)
+            lines = np.empty(ROWS_OF_LINES * largest * LANES)
+            block = block_at(table, b)
+            gather_stars(xy, vertices, stars, block, star, s)
+            guard_lines(star, s, block, lines)
+            mean_proposals(star, s, lines, block, cells, pace, thresholds, step, False)
+            guarded_moves(xy, vertices, block, guard, star, s, lines, lengths, shares)

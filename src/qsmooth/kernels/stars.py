@@ -18,8 +18,6 @@ from qsmooth._types import FloatArray, IndexArray, TableArray
 
 # Stands for the missing opposite vertex where a row of `Stars.corners` is a triangle.
 NO_VERTEX = np.uint32(0xFFFFFFFF)
-# Vertices that share one piece of scratch memory, and the grain of the parallel loops.
-CHUNK = 128
 
 
 class Stars(NamedTuple):
@@ -60,7 +58,7 @@ class Rings(NamedTuple):
 
 
 class Moves(NamedTuple):
-    """What a sweep says of each movable vertex, in the order of `Stars.vertices`.
+    """What a sweep says of each movable vertex, in its order: of the blocks, where it has these.
 
     Attributes
     ----------
@@ -72,15 +70,6 @@ class Moves(NamedTuple):
 
     lengths: FloatArray
     shares: FloatArray
-
-
-class Centre(NamedTuple):
-    """One vertex of `Stars`: its position `i` in the lists, its number `v`, its rows."""
-
-    i: int
-    v: int
-    first: int
-    last: int
 
 
 class Step(NamedTuple):

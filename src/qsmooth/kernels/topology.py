@@ -1,12 +1,14 @@
-"""Connectivity: from cells to stars, edges, rings, boundary and orientation.
+"""Connectivity: from cells to stars, edges, rings and boundary.
 
-These kernels run once per mesh and are linear in its size; they allocate what they return.
+These kernels run once per mesh and are linear in its size; they allocate what they return, large
+arrays by NumPy: that asks for huge pages, without which it took longer to write to new memory than
+to find out what to write (64 MB: 38 and 8 ms).
 Connectivity errors come back as the index of the first offender, -1 for none.
 """
 
 import numpy as np
 
-from qsmooth._types import BoolArray, FloatArray, IndexArray
+from qsmooth._types import BoolArray, IndexArray
 from qsmooth.kernels._jit import kernel
 
 
@@ -23,14 +25,17 @@ def find_bad_index(cell_vertices: IndexArray, n_vertices: int) -> int:
 def find_repeated_vertex(cell_offsets: IndexArray, cell_vertices: IndexArray) -> int:
     """First cell that has a vertex twice, or -1."""
     for c in range(cell_offsets.size - 1):
-        for i in range(cell_offsets[c], cell_offsets[c + 1]):
-            for j in range(cell_offsets[c], i):
-                if cell_vertices[i] == cell_vertices[j]:
-                    return c
+        first = cell_offsets[c]
+        a, b, d = cell_vertices[first], cell_vertices[first + 1], cell_vertices[first + 2]
+        repeated = (a == b) | (b == d) | (d == a)
+        if cell_offsets[c + 1] - first == 4:
+            e = cell_vertices[first + 3]
+            repeated |= (a == e) | (b == e) | (d == e)
+        if repeated:
+            return c
     return -1
 
 
-@kernel()
 def stars(
     n_vertices: int, cell_offsets: IndexArray, cell_vertices: IndexArray
 ) -> tuple[IndexArray, IndexArray, IndexArray]:
@@ -42,20 +47,47 @@ def stars(
         CSR map; ``corners`` holds positions in `cell_vertices`.
     """
     offsets = np.zeros(n_vertices + 1, np.int64)
+    cells, corners = np.empty(cell_vertices.size, np.int64), np.empty(cell_vertices.size, np.int64)
+    _fill_stars(cell_offsets, cell_vertices, offsets, cells, corners)
+    return offsets, cells, corners
+
+
+@kernel()
+def _fill_stars(
+    cell_offsets: IndexArray,
+    cell_vertices: IndexArray,
+    offsets: IndexArray,
+    cells: IndexArray,
+    corners: IndexArray,
+) -> None:
     for k in range(cell_vertices.size):
-        offsets[cell_vertices[k] + 1] += 1
-    for v in range(n_vertices):
-        offsets[v + 1] += offsets[v]
-    fill = offsets[:-1].copy()
-    cells = np.empty(cell_vertices.size, np.int64)
-    corners = np.empty(cell_vertices.size, np.int64)
+        offsets[np.uint64(cell_vertices[k])] += 1
+    total = 0
+    for v in range(offsets.size):
+        total += offsets[v]
+        offsets[v] = total
+    # Filled from behind, so that the end of each row becomes its start.
+    for c in range(cell_offsets.size - 2, -1, -1):
+        for k in range(cell_offsets[c + 1] - 1, cell_offsets[c] - 1, -1):
+            w = np.uint64(cell_vertices[k])
+            offsets[w] -= 1
+            at = np.uint64(offsets[w])
+            cells[at], corners[at] = c, k
+
+
+@kernel()
+def may_be_duplicates(
+    cell_offsets: IndexArray, twins: IndexArray, corner_cells: IndexArray
+) -> bool:
+    """Whether two cells share more than one edge, as any two with the same vertices do."""
     for c in range(cell_offsets.size - 1):
         for k in range(cell_offsets[c], cell_offsets[c + 1]):
-            v = cell_vertices[k]
-            cells[fill[v]] = c
-            corners[fill[v]] = k
-            fill[v] += 1
-    return offsets, cells, corners
+            if twins[k] < 0:
+                continue
+            for i in range(cell_offsets[c], k):
+                if twins[i] >= 0 and corner_cells[twins[i]] == corner_cells[twins[k]]:
+                    return True
+    return False
 
 
 @kernel()
@@ -118,13 +150,21 @@ def find_duplicate_cells(
     return count, cell, earlier_cell
 
 
-@kernel()
 def edge_twins(
-    n_vertices: int, cell_offsets: IndexArray, cell_vertices: IndexArray
+    cell_offsets: IndexArray,
+    cell_vertices: IndexArray,
+    star_offsets: IndexArray,
+    star_cells: IndexArray,
+    star_corners: IndexArray,
 ) -> tuple[IndexArray, int, int]:
     """Pair the sides of cells that are one edge.
 
     The side at corner position k runs from that corner to the cell's next one.
+
+    Parameters
+    ----------
+    star_offsets, star_cells, star_corners
+        As `stars` gives them.
 
     Returns
     -------
@@ -133,159 +173,66 @@ def edge_twins(
     n_bad, first_bad
         How many sides are the third or later on their edge, and the first of them (-1: none).
     """
-    n_corners = cell_vertices.size
-    head = np.empty(n_corners, np.int64)
-    for c in range(cell_offsets.size - 1):
-        first, last = cell_offsets[c], cell_offsets[c + 1]
-        for k in range(first, last):
-            head[k] = cell_vertices[k + 1] if k + 1 < last else cell_vertices[first]
-    # Sides sorted by their smaller vertex (counting sort); within such a row, the sides met so far
-    # are found by their larger vertex.
-    offsets = np.zeros(n_vertices + 1, np.int64)
-    for k in range(n_corners):
-        offsets[min(cell_vertices[k], head[k]) + 1] += 1
-    for v in range(n_vertices):
-        offsets[v + 1] += offsets[v]
-    fill = offsets[:-1].copy()
-    sides = np.empty(n_corners, np.int64)
-    for k in range(n_corners):
-        v = min(cell_vertices[k], head[k])
-        sides[fill[v]] = k
-        fill[v] += 1
-    twins = np.full(n_corners, -1, np.int64)
-    row_of = np.full(n_vertices, -1, np.int64)
-    side_of = np.empty(n_vertices, np.int64)
-    n_bad, first_bad = 0, -1
-    for v in range(n_vertices):
-        for s in range(offsets[v], offsets[v + 1]):
-            k = sides[s]
-            w = max(cell_vertices[k], head[k])
-            if row_of[w] != v:
-                row_of[w] = v
-                side_of[w] = k
-            elif twins[side_of[w]] < 0:
-                twins[side_of[w]] = k
-                twins[k] = side_of[w]
-            else:
-                n_bad += 1
-                if first_bad < 0 or k < first_bad:
-                    first_bad = k
+    twins = np.full(cell_vertices.size, -1, np.int64)
+    scratch = np.full((2, star_offsets.size - 1), -1, np.int64)
+    n_bad, first_bad = _fill_twins(
+        cell_offsets, cell_vertices, star_offsets, star_cells, star_corners, scratch, twins
+    )
     return twins, n_bad, first_bad
 
 
 @kernel()
+def _fill_twins(
+    cell_offsets: IndexArray,
+    cell_vertices: IndexArray,
+    star_offsets: IndexArray,
+    star_cells: IndexArray,
+    star_corners: IndexArray,
+    scratch: IndexArray,
+    twins: IndexArray,
+) -> tuple[int, int]:
+    # Each edge is met in the star of its smaller vertex. There the first side to each larger vertex
+    # is kept, with the vertex in whose star that was.
+    star_of, side_of = scratch
+    n_bad, first_bad = 0, -1
+    for v in range(star_offsets.size - 1):
+        for s in range(star_offsets[v], star_offsets[v + 1]):
+            k = star_corners[s]
+            first, last = cell_offsets[star_cells[s]], cell_offsets[star_cells[s] + 1]
+            after = k + 1 if k + 1 < last else first
+            before = k - 1 if k > first else last - 1
+            for is_before in range(2):
+                w = np.uint64(cell_vertices[before if is_before else after])
+                if w <= np.uint64(v):
+                    continue
+                side = before if is_before else k
+                if star_of[w] != v:
+                    star_of[w], side_of[w] = v, side
+                elif twins[np.uint64(side_of[w])] < 0:
+                    twins[np.uint64(side_of[w])] = side
+                    twins[np.uint64(side)] = side_of[w]
+                else:
+                    n_bad += 1
+                    if first_bad < 0 or side < first_bad:
+                        first_bad = side
+    return n_bad, first_bad
+
+
 def corner_cells(cell_offsets: IndexArray) -> IndexArray:
     """Cell of every corner position, (n_corners,)."""
     cells = np.empty(cell_offsets[-1], np.int64)
-    for c in range(cell_offsets.size - 1):
-        for k in range(cell_offsets[c], cell_offsets[c + 1]):
-            cells[k] = c
+    fill_corner_cells(cell_offsets, cells)
     return cells
 
 
 @kernel()
-def orient_parts(
-    cell_offsets: IndexArray, cell_vertices: IndexArray, twins: IndexArray
-) -> tuple[BoolArray, IndexArray, int, int]:
-    """Make neighbours run alike: which cells to turn round, and the edge-connected parts.
-
-    Returns
-    -------
-    turned : (n_cells,)
-        True where a cell has to be reversed to run like the first cell of its part.
-    parts : (n_cells,)
-        Part of each cell, numbered in the order of their first cells.
-    n_parts
-    conflict
-        A cell that two of its neighbours orient differently (a Möbius strip), or -1.
-    """
-    n_cells = cell_offsets.size - 1
-    cells = corner_cells(cell_offsets)
-    turned = np.zeros(n_cells, np.bool_)
-    parts = np.full(n_cells, -1, np.int64)
-    stack = np.empty(n_cells, np.int64)
-    n_parts = 0
-    for seed in range(n_cells):
-        if parts[seed] >= 0:
-            continue
-        parts[seed] = n_parts
-        stack[0] = seed
-        n_stack = 1
-        while n_stack > 0:
-            n_stack -= 1
-            c = stack[n_stack]
-            for k in range(cell_offsets[c], cell_offsets[c + 1]):
-                t = twins[k]
-                if t < 0:
-                    continue
-                # Neighbours that run alike pass their common edge in opposite directions.
-                differs = cell_vertices[k] == cell_vertices[t]
-                other = cells[t]
-                if parts[other] < 0:
-                    parts[other] = n_parts
-                    turned[other] = turned[c] != differs
-                    stack[n_stack] = other
-                    n_stack += 1
-                elif (turned[other] != turned[c]) != differs:
-                    return turned, parts, n_parts, c
-        n_parts += 1
-    return turned, parts, n_parts, -1
-
-
-@kernel()
-def turn_parts(
-    xy: FloatArray,
-    cell_offsets: IndexArray,
-    cell_vertices: IndexArray,
-    parts: IndexArray,
-    n_parts: int,
-    turned: BoolArray,
-) -> None:
-    """Turn whole parts such that their area is positive.
-
-    The sum of a part's signed areas depends on its boundary alone. So it tells which way the cells
-    have to run however tangled the interior is, where a vote of the cells can go wrong.
-
-    Parameters
-    ----------
-    turned : (n_cells,)
-        As `orient_parts` gives it; overwritten. Where the area is zero, the sign that most cells
-        have decides; where there is none, the part stays as it was given.
-    """
-    votes = np.zeros(n_parts, np.int64)
-    areas = np.zeros(n_parts)
+def fill_corner_cells(cell_offsets: IndexArray, cells: IndexArray) -> None:
+    """Write the cell of every corner position, (n_corners,)."""
     for c in range(cell_offsets.size - 1):
-        first, last = cell_offsets[c], cell_offsets[c + 1]
-        a = cell_vertices[first]
-        area = 0.0
-        for k in range(first + 1, last - 1):
-            b, d = cell_vertices[k], cell_vertices[k + 1]
-            area += (xy[b, 0] - xy[a, 0]) * (xy[d, 1] - xy[a, 1])
-            area -= (xy[b, 1] - xy[a, 1]) * (xy[d, 0] - xy[a, 0])
-        area = -area if turned[c] else area
-        areas[parts[c]] += area
-        votes[parts[c]] += 1 if area > 0.0 else (-1 if area < 0.0 else 0)
-    for c in range(turned.size):
-        p = parts[c]
-        if areas[p] < 0.0 or (areas[p] == 0.0 and votes[p] < 0):
-            turned[c] = not turned[c]
+        for k in range(cell_offsets[c], cell_offsets[c + 1]):
+            cells[k] = c
 
 
-@kernel()
-def oriented_cells(
-    cell_offsets: IndexArray, cell_vertices: IndexArray, turned: BoolArray
-) -> IndexArray:
-    """Corners of all cells, those of turned cells in reverse order from the same first corner."""
-    out = cell_vertices.copy()
-    for c in range(turned.size):
-        if turned[c]:
-            first, last = cell_offsets[c], cell_offsets[c + 1]
-            for k in range(first + 1, last):
-                out[k] = cell_vertices[last - (k - first)]
-    return out
-
-
-@kernel()
 def rings(
     n_vertices: int, cell_offsets: IndexArray, cell_vertices: IndexArray, twins: IndexArray
 ) -> tuple[IndexArray, IndexArray]:
@@ -296,18 +243,38 @@ def rings(
     offsets, vertices : (n_vertices + 1,), (2 * n_edges,)
         CSR map.
     """
-    # Every edge once: by its only side, or by the first of its two.
     offsets = np.zeros(n_vertices + 1, np.int64)
+    _count_neighbours(cell_offsets, cell_vertices, twins, offsets)
+    unsorted, vertices = np.empty(offsets[-1], np.int64), np.empty(offsets[-1], np.int64)
+    _fill_rings(cell_offsets, cell_vertices, twins, offsets[:-1].copy(), unsorted)
+    # Neighbours come in ascending order where each vertex, in order, enters its neighbours' rows.
+    _enter_rows(offsets, unsorted, offsets[:-1].copy(), vertices)
+    return offsets, vertices
+
+
+@kernel()
+def _count_neighbours(
+    cell_offsets: IndexArray, cell_vertices: IndexArray, twins: IndexArray, offsets: IndexArray
+) -> None:
+    # Every edge once: by its only side, or by the first of its two.
     for c in range(cell_offsets.size - 1):
         first, last = cell_offsets[c], cell_offsets[c + 1]
         for k in range(first, last):
             if twins[k] < 0 or k < twins[k]:
                 offsets[cell_vertices[k] + 1] += 1
                 offsets[cell_vertices[k + 1 if k + 1 < last else first] + 1] += 1
-    for v in range(n_vertices):
+    for v in range(offsets.size - 1):
         offsets[v + 1] += offsets[v]
-    fill = offsets[:-1].copy()
-    vertices = np.empty(offsets[-1], np.int64)
+
+
+@kernel()
+def _fill_rings(
+    cell_offsets: IndexArray,
+    cell_vertices: IndexArray,
+    twins: IndexArray,
+    fill: IndexArray,
+    vertices: IndexArray,
+) -> None:
     for c in range(cell_offsets.size - 1):
         first, last = cell_offsets[c], cell_offsets[c + 1]
         for k in range(first, last):
@@ -318,19 +285,17 @@ def rings(
                 fill[v] += 1
                 vertices[fill[w]] = v
                 fill[w] += 1
-    for v in range(n_vertices):
-        first, last = offsets[v], offsets[v + 1]
-        if last - first > 24:  # a hub: sorting by insertion would be quadratic
-            vertices[first:last] = np.sort(vertices[first:last])
-            continue
-        for s in range(first + 1, last):
-            w = vertices[s]
-            t = s
-            while t > first and vertices[t - 1] > w:
-                vertices[t] = vertices[t - 1]
-                t -= 1
-            vertices[t] = w
-    return offsets, vertices
+
+
+@kernel()
+def _enter_rows(
+    offsets: IndexArray, unsorted: IndexArray, fill: IndexArray, vertices: IndexArray
+) -> None:
+    for w in range(fill.size):
+        for k in range(offsets[w], offsets[w + 1]):
+            v = unsorted[k]
+            vertices[fill[v]] = w
+            fill[v] += 1
 
 
 @kernel()
@@ -362,7 +327,8 @@ def boundary_loops(
         Vertices with more than two boundary edges.
     """
     n_corners = cell_vertices.size
-    cells = corner_cells(cell_offsets)
+    cells = np.empty(cell_offsets[-1], np.int64)
+    fill_corner_cells(cell_offsets, cells)
     degree = np.zeros(n_vertices, np.int64)
     done = np.zeros(n_corners, np.bool_)
     n_loops = 0

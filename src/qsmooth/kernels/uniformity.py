@@ -40,15 +40,20 @@ def size_jump(
         Overwritten. 1 or more; infinite where an area is not positive, NaN without a neighbour.
     """
     for c in prange(out.size):
-        own = _size(area[c], cell_offsets[c + 1] - cell_offsets[c])
-        largest = np.nan
-        for k in range(cell_offsets[c], cell_offsets[c + 1]):
+        first, last = cell_offsets[c], cell_offsets[c + 1]
+        own = _size(area[c], last - first)
+        smallest, largest = np.inf, -np.inf
+        for k in range(first, last):
             if twins[k] < 0:
                 continue
-            n = corner_cells[twins[k]]
-            other = _size(area[n], cell_offsets[n + 1] - cell_offsets[n])
+            n = np.uint64(corner_cells[np.uint64(twins[k])])
+            other = _size(area[n], cell_offsets[n + np.uint64(1)] - cell_offsets[n])
+            smallest = min(smallest, other if other > 0.0 else 0.0)
+            largest = max(largest, other)
+        # One division for all the smaller ones, and one for the larger.
+        ratio = np.nan
+        if smallest < np.inf:
             ratio = np.inf
-            if own > 0.0 and other > 0.0:
-                ratio = max(own, other) / min(own, other)
-            largest = ratio if math.isnan(largest) else max(largest, ratio)
-        out[c] = largest
+            if own > 0.0 and smallest > 0.0:
+                ratio = max(own / smallest, largest / own)
+        out[c] = ratio

@@ -14,7 +14,7 @@ import numpy as np
 from numba import prange
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray, TableArray
-from qsmooth.kernels._jit import helper, lane_helper, parallel_kernel
+from qsmooth.kernels._jit import helper, kernel, lane_helper, parallel_kernel
 from qsmooth.kernels.blocks import LANES, Block, Blocks, block_at
 from qsmooth.kernels.corner_energy import (
     Linear,
@@ -237,7 +237,7 @@ def smallest_determinant(
         out[i] = worst
 
 
-@parallel_kernel()
+@kernel()
 def spread_logarithms(
     ring_offsets: IndexArray, ring_vertices: IndexArray, values: FloatArray, out: FloatArray
 ) -> None:
@@ -248,7 +248,7 @@ def spread_logarithms(
     values, out : (n_vertices,)
         Infinite values (of vertices in no cell, or whose edges have no length) do not count.
     """
-    for v in prange(out.size):
+    for v in range(out.size):
         total, count = 0.0, 0
         if math.isfinite(values[v]):
             total, count = values[v], 1
@@ -260,12 +260,12 @@ def spread_logarithms(
         out[v] = total / count if count > 0 else values[v]
 
 
-@parallel_kernel()
+@kernel()
 def mean_squared_edge(
     xy: FloatArray, ring_offsets: IndexArray, ring_vertices: IndexArray, out: FloatArray
 ) -> None:
     """Average the squared lengths of each vertex's edges; 0 for a vertex in no cell."""
-    for v in prange(out.size):
+    for v in range(out.size):
         first, last = ring_offsets[v], ring_offsets[v + 1]
         total = 0.0
         for k in range(first, last):
@@ -275,7 +275,7 @@ def mean_squared_edge(
         out[v] = total / (last - first) if last > first else 0.0
 
 
-@parallel_kernel()
+@kernel()
 def shortest_edges(
     xy: FloatArray, ring_offsets: IndexArray, ring_vertices: IndexArray, vertices: TableArray,
     out: FloatArray,
@@ -287,7 +287,7 @@ def shortest_edges(
     vertices, out : (n_listed,)
         `out` is overwritten; a length.
     """
-    for i in prange(out.size):
+    for i in range(out.size):
         v = vertices[i]
         shortest = np.inf
         for k in range(ring_offsets[v], ring_offsets[v + 1]):

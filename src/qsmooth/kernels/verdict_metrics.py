@@ -47,20 +47,26 @@ def _is_convex(xy: FloatArray, cell_vertices: IndexArray, first: int, last: int)
 
 
 @helper()
+def _square(xy: FloatArray, a: int, b: int) -> float:
+    """Square of the length of the edge from a to b."""
+    ux, uy = xy[b, 0] - xy[a, 0], xy[b, 1] - xy[a, 1]
+    return float(ux * ux + uy * uy)
+
+
+@helper()
 def _edge_sums(
     xy: FloatArray, cell_vertices: IndexArray, first: int, last: int
-) -> tuple[float, float, float]:
-    """Shortest edge, longest edge and perimeter of one cell."""
-    shortest, longest, perimeter = np.inf, 0.0, 0.0
+) -> tuple[float, float]:
+    """Longest edge and perimeter of one cell."""
+    longest, perimeter = 0.0, 0.0
     a = cell_vertices[last - 1]
     for k in range(first, last):
         b = cell_vertices[k]
         length = distance(xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1])
-        shortest = np.minimum(shortest, length)
         longest = np.maximum(longest, length)
         perimeter += length
         a = b
-    return float(shortest), float(longest), perimeter
+    return float(longest), perimeter
 
 
 @helper()
@@ -105,7 +111,7 @@ def verdict_aspect_ratio(
     for c in prange(out.size):
         first, last = cell_offsets[c], cell_offsets[c + 1]
         area = _cell_area(xy, cell_vertices, first, last)
-        _, longest, perimeter = _edge_sums(xy, cell_vertices, first, last)
+        longest, perimeter = _edge_sums(xy, cell_vertices, first, last)
         scale = 4.0 if last - first == 4 else 4.0 * ROOT_3
         out[c] = longest * perimeter / (scale * area) if area > 0.0 else np.inf
 
@@ -202,7 +208,7 @@ def taper(
             continue
         convex = _is_convex(xy, cell_vertices, first, last)
         ux, uy, wx, wy, x, y = _principal_axes(xy, cell_vertices, first)
-        shorter = min(math.sqrt(ux * ux + uy * uy), math.sqrt(wx * wx + wy * wy))
+        shorter = math.sqrt(min(ux * ux + uy * uy, wx * wx + wy * wy))
         cross = math.sqrt(x * x + y * y)
         out[c] = cross / shorter if convex else np.inf
 
@@ -230,14 +236,13 @@ def stretch(
             out[c] = np.nan
             continue
         convex = _is_convex(xy, cell_vertices, first, last)
-        shortest, _, _ = _edge_sums(xy, cell_vertices, first, last)
         a, b = cell_vertices[first], cell_vertices[first + 1]
         d, e = cell_vertices[first + 2], cell_vertices[first + 3]
-        diagonal = max(
-            distance(xy[a, 0], xy[a, 1], xy[d, 0], xy[d, 1]),
-            distance(xy[b, 0], xy[b, 1], xy[e, 0], xy[e, 1]),
+        edge = min(
+            min(_square(xy, a, b), _square(xy, b, d)), min(_square(xy, d, e), _square(xy, e, a))
         )
-        out[c] = ROOT_2 * shortest / diagonal if convex else 0.0
+        diagonal = max(_square(xy, a, d), _square(xy, b, e))
+        out[c] = ROOT_2 * math.sqrt(edge) / math.sqrt(diagonal) if convex else 0.0
 
 
 @parallel_kernel()

@@ -57,7 +57,10 @@ class Angle(SweepingMethod):
 
     def start(self, setting: Setting) -> Sweep:
         """Set up a sweep."""
-        from qsmooth.kernels.angle import angle_sweep, guarded_angle_sweep
+        from qsmooth.kernels.angle import angle_sweep, guarded_angle_sweep, star_polygons
+
+        blocks = setting.blocks
+        polygons = star_polygons(blocks)
 
         if not self.guards:
             previous = np.empty((setting.topology.n_vertices, 2))
@@ -66,11 +69,11 @@ class Angle(SweepingMethod):
                 previous[:] = xy
 
             def move_all(xy: FloatArray, _: Colours, moves: Moves) -> None:
-                angle_sweep(previous, setting.stars, self.step, xy, moves)
+                angle_sweep(previous, blocks, polygons, self.step, xy, moves)
 
             return Sweep(1, move_all, keep)
 
         def move(xy: FloatArray, colours: Colours, moves: Moves) -> None:
-            guarded_angle_sweep(xy, setting.stars, colours, self.step, setting.good, moves)
+            guarded_angle_sweep(xy, blocks, polygons, colours, self.step, setting.good, moves)
 
         return Sweep(setting.n_colours, move)

@@ -57,9 +57,11 @@ class AspectRatio(GuardedMethod):
         """Set up a sweep."""
         from qsmooth.kernels.aspect_ratio import aspect_ratio_sweep
 
+        blocks = setting.blocks
+
         def move(xy: FloatArray, colours: Colours, moves: Moves) -> None:
             aspect_ratio_sweep(
-                xy, setting.stars, colours, self.max_edge_ratio, self.step, RATIO_POWER,
+                xy, blocks, colours, self.max_edge_ratio, self.step, RATIO_POWER,
                 self.max_edge_ratio, setting.good, moves,
             )  # fmt: skip
 

@@ -52,7 +52,8 @@ class Method(Options):
         within="(0, inf)",
         unit="seconds",
         metavar="SECONDS",
-        help="Time after which it stops with the best so far; results then depend on the machine.",
+        help="Time after which it stops with the best so far, compiling left out; results then "
+        "depend on the machine.",
     )
     selection: Any = opaque(
         None,

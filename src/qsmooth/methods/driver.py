@@ -3,26 +3,29 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Literal, cast
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 
 from qsmooth._types import BoolArray, FloatArray
 from qsmooth.engine import Colours, Engine, threads_for
+from qsmooth.kernels.compiling import clock
 from qsmooth.kernels.stars import Moves, Stars
 from qsmooth.mesh import Mesh
 from qsmooth.methods.base import Method
-from qsmooth.metrics import Quality, Summary, Validity, quality
+from qsmooth.metrics import Quality, Validity, quality
 from qsmooth.numbering import Inside
 from qsmooth.options import OptionError, option
 from qsmooth.outcome import Aim, Cut, Invalid, Outcome, Stage, Stop
 from qsmooth.result import History, SmoothResult, SweepRecord
 from qsmooth.split import Diagonal, split_quads
-from qsmooth.sums import exact_mean
 from qsmooth.topology import Topology
+
+if TYPE_CHECKING:
+    from qsmooth.kernels.blocks import Blocks
 
 # Quality has stopped improving when, over this many sweeps, neither the smallest nor the largest
 # angle got better by this many degrees, nor the mean shape by this much.
@@ -79,6 +82,11 @@ class Setting:
     selected: BoolArray | None
     aim: Aim = Aim.ALL_CELLS
 
+    @cached_property
+    def blocks(self) -> Blocks:
+        """The movable vertices in blocks of lanes."""
+        return self.topology.blocks(self.stars)
+
     @property
     def n_colours(self) -> int:
         """Colours of the movable vertices."""
@@ -123,7 +131,6 @@ class SweepingMethod(Method):
         """Sweep until every vertex rests, quality no longer improves, or no more is allowed."""
         inside = Inside(mesh)
         before = inside.quality(mesh)
-        summary = before.summary()
         cut = self._cut(mesh)
         swept = inside if cut is mesh else Inside(cut, inside)
         only, selected = self.selected(mesh)
@@ -133,7 +140,7 @@ class SweepingMethod(Method):
         stars = topology.schedule(self.keep_interfaces, inside.chosen_vertices(only))
         good = self._good(swept.quality(cut) if cut is not mesh else before)
         setting = Setting(topology, stars, good, swept.chosen_cells(selected))
-        run = _Run(self, inside.topology, inside.at_vertices(mesh.xy), summary)
+        run = _Run(self, inside.topology, inside.at_vertices(mesh.xy), before)
         if stars.vertices.size:
             engine = threads_for(self.threads, stars.vertices.size)
             with engine.running():
@@ -145,9 +152,9 @@ class SweepingMethod(Method):
         elif cut is mesh:
             result = stored(mesh, xy)
         else:
-            result = mesh.with_points(stored(cut, xy).points)
+            points = stored(cut, xy).points
+            result = mesh if points is mesh.points else mesh.with_points(points)
         after = inside.quality(result)
-        broken = (before.validity == Validity.VALID) & (after.validity != Validity.VALID)
         return SmoothResult(
             mesh=result,
             outcome=run.outcome(
@@ -155,19 +162,19 @@ class SweepingMethod(Method):
                 chosen=chosen,
                 guarded=self.guards,
                 selected=self.selection is not None,
-                unchanged=np.array_equal(result.points, mesh.points),
+                unchanged=result is mesh or np.array_equal(result.points, mesh.points),
                 invalid=invalid_cells(before, after),
                 cut=None
                 if cut is mesh
                 else Cut(
                     quads=int((mesh.topology.cell_sizes == 4).sum()),
                     diagonal=self.diagonal,
-                    broken=int(broken.sum()),
+                    broken=_count_broken(before, after),
                 ),
             ),
             history=History(run.history),
-            before=summary,
-            after=after.summary(),
+            quality_before=before,
+            quality_after=after,
             seconds=run.seconds,
         )
 
@@ -206,7 +213,7 @@ class _Run:
     """The sweeps of one call: coordinates, history, clock, and why they stopped."""
 
     def __init__(
-        self, method: SweepingMethod, topology: Topology, xy: FloatArray, before: Summary
+        self, method: SweepingMethod, topology: Topology, xy: FloatArray, before: Quality
     ) -> None:
         self.method, self.topology, self.xy = method, topology, xy
         self.history: list[SweepRecord] = []
@@ -225,10 +232,10 @@ class _Run:
         first, seconds = len(self.history), self.seconds
         self.stop = None
         while self.stop is None and len(self.history) < first + n_sweeps:
-            started = time.perf_counter()
+            started = clock()
             sweep.prepare(self.xy)
             engine.run(lambda colours: sweep.move(self.xy, colours, moves), sweep.n_colours)
-            self.seconds += time.perf_counter() - started
+            self.seconds += clock() - started
             self.history.append(record(Quality(self.topology, self.xy), *moves))
             if self.method.callback is not None:
                 self.method.callback(self.history[-1])
@@ -270,17 +277,9 @@ class _Run:
         )
 
 
-def record_of(before: Summary) -> SweepRecord:
+def record_of(before: Quality) -> SweepRecord:
     """Note how a mesh is before the first sweep."""
-    return SweepRecord(
-        largest_move=0.0,
-        largest_share=0.0,
-        n_moved=0,
-        min_angle=before.worst["min_angle"],
-        max_angle=before.worst["max_angle"],
-        mean_shape=before.mean["shape"],
-        n_invalid=before.n_invalid,
-    )
+    return record(before, np.zeros(1), np.zeros(1))
 
 
 def record(now: Quality, lengths: FloatArray, shares: FloatArray) -> SweepRecord:
@@ -289,10 +288,10 @@ def record(now: Quality, lengths: FloatArray, shares: FloatArray) -> SweepRecord
     return SweepRecord(
         largest_move=float(lengths.max()),
         largest_share=float(shares.max()),
-        n_moved=int((lengths > 0.0).sum()),
+        n_moved=int(np.count_nonzero(lengths > 0.0)),
         min_angle=smallest,
         max_angle=largest,
-        mean_shape=exact_mean(now.shape),
+        mean_shape=now.mean_shape,
         n_invalid=now.n_invalid,
     )
 
@@ -315,6 +314,12 @@ def invalid_cells(before: Quality, after: Quality) -> Invalid | None:
     )
 
 
+def _count_broken(before: Quality, after: Quality) -> int:
+    """Count the cells that were valid and are not."""
+    broken = (before.validity == Validity.VALID) & (after.validity != Validity.VALID)
+    return int(broken.sum())
+
+
 def moved(mesh: Mesh, xy: FloatArray) -> BoolArray:
     """Mark the vertices that are elsewhere now, (n_vertices,)."""
     marked: BoolArray = (xy != mesh.xy).any(axis=1)
@@ -329,7 +334,7 @@ def stored(mesh: Mesh, xy: FloatArray) -> Mesh:
     """
     marked = moved(mesh, xy)
     result = mesh.with_xy(xy, marked)
-    if mesh.plane is None:
+    if mesh.plane is None or result is mesh:
         return result
     was_valid = quality(mesh).validity == Validity.VALID
     while True:

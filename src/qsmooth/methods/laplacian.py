@@ -54,14 +54,16 @@ class Laplacian(SweepingMethod):
             from qsmooth.kernels.centroid import centroid_sweep
 
             def to_centroids(xy: FloatArray, _: Colours, moves: Moves) -> None:
-                centroid_sweep(previous, setting.stars, xy, moves)
+                centroid_sweep(previous, setting.blocks, xy, moves)
 
             return Sweep(1, to_centroids, keep)
         from qsmooth.kernels.laplacian import laplacian_sweep
+        from qsmooth.kernels.ring_blocks import build_ring_blocks
 
-        rings = Rings(*setting.topology.rings)
+        movable = np.sort(setting.stars.vertices)
+        blocks = build_ring_blocks(movable, Rings(*setting.topology.rings))
 
         def to_means(xy: FloatArray, _: Colours, moves: Moves) -> None:
-            laplacian_sweep(previous, rings, setting.stars, xy, moves)
+            laplacian_sweep(previous, blocks, xy, moves)
 
         return Sweep(1, to_means, keep)

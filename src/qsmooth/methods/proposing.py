@@ -9,6 +9,7 @@ import numpy as np
 
 from qsmooth._types import FloatArray
 from qsmooth.methods.driver import GuardedMethod, Setting
+from qsmooth.metrics import Quality
 from qsmooth.options import OptionError, option
 from qsmooth.outcome import Aim
 
@@ -116,10 +117,7 @@ class Pace:
         method = self._method
         if not self._ranks and method.bad_step is None:
             return
-        from qsmooth.kernels.cell_metrics import angles
-
-        smallest, largest = np.empty(self.values.size), np.empty(self.values.size)
-        angles(xy, *self._topology.cells, smallest, largest)
+        largest = Quality(self._topology, xy).figure("max_angle")
         self.values[:] = 1.0
         if method.bad_step is not None:
             self.values[largest > method.bad_angle] = method.bad_step / method.step

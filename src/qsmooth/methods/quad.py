@@ -36,14 +36,14 @@ class Quad(ProposingMethod):
         """Set up a sweep."""
         from qsmooth.kernels.quad import guarded_commit, quad_proposals
 
-        thresholds, pace = self.thresholds(), Pace(self, setting)
-        wanted = np.empty((setting.stars.vertices.size, 2))
+        thresholds, pace, blocks = self.thresholds(), Pace(self, setting), setting.blocks
+        wanted = np.empty((blocks.vertices.size, 2))
 
         def propose(xy: FloatArray) -> None:
             pace.update(xy)
-            quad_proposals(xy, setting.stars, pace.values, thresholds, self.step, wanted)
+            quad_proposals(xy, blocks, pace.values, thresholds, self.step, wanted)
 
         def move(xy: FloatArray, colours: Colours, moves: Moves) -> None:
-            guarded_commit(xy, setting.stars, colours, wanted, setting.good, moves)
+            guarded_commit(xy, blocks, colours, wanted, setting.good, moves)
 
         return Sweep(setting.n_colours, move, propose)

@@ -7,7 +7,7 @@ from typing import Literal
 
 from qsmooth._types import FloatArray
 from qsmooth.engine import Colours
-from qsmooth.kernels.stars import Moves, Rings
+from qsmooth.kernels.stars import Moves
 from qsmooth.methods.driver import GuardedMethod, Setting, Sweep
 from qsmooth.methods.laplacian import WEIGHTS_HELP
 from qsmooth.options import option
@@ -36,18 +36,17 @@ class SmartLaplacian(GuardedMethod):
 
     def start(self, setting: Setting) -> Sweep:
         """Set up a sweep."""
+        blocks = setting.blocks
         if self.weights == "area":
             from qsmooth.kernels.centroid import smart_centroid_sweep
 
             def to_centroid(xy: FloatArray, colours: Colours, moves: Moves) -> None:
-                smart_centroid_sweep(xy, setting.stars, colours, setting.good, moves)
+                smart_centroid_sweep(xy, blocks, colours, setting.good, moves)
 
             return Sweep(setting.n_colours, to_centroid)
         from qsmooth.kernels.laplacian import smart_laplacian_sweep
 
-        rings = Rings(*setting.topology.rings)
-
         def to_mean(xy: FloatArray, colours: Colours, moves: Moves) -> None:
-            smart_laplacian_sweep(xy, rings, setting.stars, colours, setting.good, moves)
+            smart_laplacian_sweep(xy, blocks, colours, setting.good, moves)
 
         return Sweep(setting.n_colours, to_mean)

@@ -35,11 +35,9 @@ class Star(ProposingMethod):
         """Set up a sweep."""
         from qsmooth.kernels.star import star_sweep
 
-        thresholds, pace = self.thresholds(), Pace(self, setting)
+        thresholds, pace, blocks = self.thresholds(), Pace(self, setting), setting.blocks
 
         def move(xy: FloatArray, colours: Colours, moves: Moves) -> None:
-            star_sweep(
-                xy, setting.stars, colours, pace.values, thresholds, self.step, setting.good, moves
-            )
+            star_sweep(xy, blocks, colours, pace.values, thresholds, self.step, setting.good, moves)
 
         return Sweep(setting.n_colours, move, pace.update)

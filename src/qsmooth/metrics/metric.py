@@ -34,9 +34,8 @@ class Cells(Protocol):
         """Coordinates in the plane of the mesh, (n_vertices, 2)."""
         ...
 
-    @property
-    def angles(self) -> tuple[FloatArray, FloatArray]:
-        """Smallest and largest interior angle of each cell, degrees."""
+    def figure(self, name: str) -> FloatArray:
+        """Measure angles, edges, corners and areas in one pass, and give one of these figures."""
         ...
 
     @property
@@ -179,7 +178,10 @@ class Metric:
 
     def defined(self, values: FloatArray) -> FloatArray:
         """Figures of the cells that it is defined for."""
-        return values[~np.isnan(values)] if self.partial else values
+        if not self.partial:
+            return values
+        missing = np.isnan(values)
+        return values[~missing] if missing.any() else values
 
     def worst_of(self, values: FloatArray) -> float:
         """Worst figure of all cells; NaN where it is not defined for any."""
@@ -195,7 +197,8 @@ class Metric:
             return math.nan
         if self.mean == "arithmetic":
             return float(values.mean())
-        finite = values[np.isfinite(values)]
+        is_finite = np.isfinite(values)
+        finite = values if is_finite.all() else values[is_finite]
         if self.mean == "geometric":
             return float(np.exp(np.log(finite).mean())) if finite.size else math.nan
         if not finite.size:

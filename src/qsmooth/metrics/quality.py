@@ -6,14 +6,17 @@ from collections.abc import Sequence
 from enum import IntEnum
 from functools import cached_property
 from typing import Any
+from weakref import WeakValueDictionary
 
 import numpy as np
 
 from qsmooth._types import FloatArray, IndexArray
 from qsmooth.adapters import to_mesh
+from qsmooth.checks import read_only
 from qsmooth.metrics.histogram import count_by_bins
 from qsmooth.metrics.registry import METRICS, find_metric, parse_metrics, unknown
 from qsmooth.metrics.summary import Summary, WorstCells
+from qsmooth.sums import exact_mean
 from qsmooth.topology import Topology
 
 
@@ -32,8 +35,19 @@ class Validity(IntEnum):
     INVERTED = 4
 
 
+# What one pass over the cells measures, in the order of the rows of `kernels.cell_figures`.
+FIGURES = "min_angle", "max_angle", "aspect_ratio", "scaled_jacobian", "shape", "area"
+
+
+# What is measured of a mesh, for as long as somebody holds it: it keeps the topology and the points
+# that it is of, so that no others can have their identity.
+_measured: WeakValueDictionary[tuple[int, int], Quality] = WeakValueDictionary()
+
+
 class Quality:
     """Metrics of every cell of a mesh, in cell order; each is computed when first asked for.
+
+    Arrays are read-only.
 
     ``quality(mesh)["taper"]`` and ``quality(mesh).taper`` are the same array, (n_cells,), for every
     name in `qsmooth.metrics.METRICS`, which also says what it means. NaN stands for a cell that a
@@ -59,9 +73,16 @@ class Quality:
     def __init__(
         self, topology: Topology, xy: FloatArray, points: FloatArray | None = None
     ) -> None:
-        self.topology, self.xy = topology, xy
+        # Read-only, whoever has it, as kernels are compiled once more for arrays that are not.
+        self.topology, self.xy = topology, read_only(xy)
         self.points = xy if points is None else points
         self._values: dict[str, FloatArray] = {}
+        self._figures: dict[str, FloatArray] = {}
+        # Extreme angles, and the smallest of each cell, in the measure of `kernels.cell_lanes`; and
+        # how many cells are not valid, or not so beyond rounding: as far as they are known.
+        self._extremes: tuple[float, float] | None = None
+        self._low_diamonds: FloatArray | None = None
+        self._doubtful: int | None = None
 
     def __repr__(self) -> str:
         return f"Quality of {self.topology.n_cells} cells"
@@ -70,7 +91,7 @@ class Quality:
         if name not in self._values:
             if name not in METRICS:
                 raise KeyError(unknown(name))
-            self._values[name] = METRICS[name].measure(self)
+            self._values[name] = read_only(METRICS[name].measure(self))
         return self._values[name]
 
     def __getattr__(self, name: str) -> FloatArray:
@@ -83,55 +104,71 @@ class Quality:
     def __dir__(self) -> list[str]:
         return sorted({*super().__dir__(), *METRICS})
 
-    @cached_property
+    def figure(self, name: str) -> FloatArray:
+        """One of `FIGURES`, (n_cells,); the first measures them all, in one pass."""
+        if name not in self._figures:
+            self._measure()
+        return self._figures[name]
+
+    def _measure(self) -> None:
+        from qsmooth.kernels.cell_figures import cell_figures
+        from qsmooth.kernels.cell_lanes import n_chunks
+
+        n_cells = self.topology.n_cells
+        out, doubtful = np.empty((len(FIGURES), n_cells)), np.empty(n_chunks(n_cells))
+        cell_figures(self.xy, *self.topology.cells, out, doubtful)
+        self._doubtful = int(doubtful.sum())
+        self._figures.update(zip(FIGURES, read_only(out), strict=True))
+
+    def _glance(self) -> None:
+        """Measure what is asked after every sweep, quicker than all figures are."""
+        from qsmooth.kernels.cell_lanes import n_chunks
+        from qsmooth.kernels.glance import N_COLUMNS, glance
+
+        n_cells = self.topology.n_cells
+        shape, out = np.empty(n_cells), np.empty((n_chunks(n_cells), N_COLUMNS))
+        glance(self.xy, *self.topology.cells, shape, out)
+        self._figures.setdefault("shape", read_only(shape))
+        self._doubtful = int(out[:, 2].sum())
+        # Where a coordinate is NaN its cells' shapes are, and the angles only those of the others.
+        lost = 0.0 * self.mean_shape
+        self._extremes = float(out[:, 0].min()) + lost, float(out[:, 1].max()) + lost
+
+    @property
     def angles(self) -> tuple[FloatArray, FloatArray]:
         """Smallest and largest interior angle of each cell, degrees in [0, 360), (n_cells,)."""
-        from qsmooth.kernels.cell_metrics import angles
+        return self.figure("min_angle"), self.figure("max_angle")
 
-        smallest, largest = np.empty(self.topology.n_cells), np.empty(self.topology.n_cells)
-        angles(self.xy, *self.topology.cells, smallest, largest)
-        return smallest, largest
+    @property
+    def area(self) -> FloatArray:
+        """Signed area of each cell, in the square of the unit; negative where turned."""
+        return self.figure("area")
 
     @cached_property
     def extreme_angles(self) -> tuple[float, float]:
         """Smallest and largest angle of the mesh, degrees; quicker than by way of all cells'."""
-        smallest, largest = self.diamonds
-        cells = [
-            self.topology.first_cell(d == d[k])
-            for d, k in ((smallest, np.argmin(smallest)), (largest, np.argmax(largest)))
-        ]
-        low, high = self._angles_of(cells)
-        return float(low[0]), float(high[1])
+        if self._extremes is None:
+            self._glance()
+        low, high = _in_degrees(self._extremes)
+        return low, high
+
+    @cached_property
+    def mean_shape(self) -> float:
+        """Mean of the cells' shape; quicker than by way of all figures."""
+        if "shape" not in self._figures:
+            self._glance()
+        return exact_mean(self._figures["shape"])
 
     def low_angle(self, percent: float) -> float:
-        """Percentile of the cells' smallest angles, degrees; quicker than by way of all cells'."""
-        smallest, _ = self.diamonds
+        """Percentile of the cells' smallest angles, degrees."""
+        smallest = self.angles[0] if self._low_diamonds is None else self._low_diamonds
         place = percent / 100.0 * (smallest.size - 1)
         at = min(int(place), max(smallest.size - 2, 0))
         ends = [at, min(at + 1, smallest.size - 1)]
-        values = np.partition(smallest, ends)[ends]
-        low, _ = self._angles_of([self.topology.first_cell(smallest == value) for value in values])
-        return float(low[0] + (place - at) * (low[1] - low[0]))
-
-    @cached_property
-    def diamonds(self) -> tuple[FloatArray, FloatArray]:
-        """What stands in for `angles` where only their order counts, 0 to 4, (n_cells,)."""
-        from qsmooth.kernels.cell_metrics import diamond_angles
-
-        smallest, largest = np.empty(self.topology.n_cells), np.empty(self.topology.n_cells)
-        diamond_angles(self.xy, *self.topology.cells, smallest, largest)
-        return smallest, largest
-
-    def _angles_of(self, cells: Sequence[int] | IndexArray) -> tuple[FloatArray, FloatArray]:
-        """Smallest and largest angle of these cells."""
-        from qsmooth.kernels.cell_metrics import angles
-
-        offsets, vertices = self.topology.cells
-        corners = [vertices[offsets[c] : offsets[c + 1]] for c in cells]
-        sizes = np.cumsum([0, *map(len, corners)])
-        low, high = np.empty(len(corners)), np.empty(len(corners))
-        angles(self.xy, sizes, np.concatenate(corners), low, high)
-        return low, high
+        low, high = np.partition(smallest, ends)[ends].tolist()
+        if self._low_diamonds is not None:
+            low, high = _in_degrees([low, high])
+        return float(low + (place - at) * (high - low))
 
     def know(
         self,
@@ -141,32 +178,38 @@ class Quality:
         diamonds: tuple[FloatArray, FloatArray],
         valid: bool,
     ) -> None:
-        """Take what is measured already, and whether all cells are valid; False when unsure."""
-        self._values["shape"], self.area, self.diamonds = shape, area, diamonds
+        """Take what is measured already, and whether all cells are valid; False when unsure.
+
+        Diamonds are smallest and largest angles in the measure of `kernels.cell_lanes`.
+        """
+        self._figures.update(shape=read_only(shape), area=read_only(area))
+        self._low_diamonds = diamonds[0]
+        self._extremes = float(diamonds[0].min()), float(diamonds[1].max())
         if valid:
-            self.validity = np.full(shape.size, Validity.VALID, np.int64)
+            self._doubtful = 0
 
-    @cached_property
-    def area(self) -> FloatArray:
-        """Signed area of each cell, in the square of the unit; negative where turned."""
-        from qsmooth.kernels.cell_metrics import area
-
-        out = np.empty(self.topology.n_cells)
-        area(self.xy, *self.topology.cells, out)
-        return out
+    @property
+    def _all_valid(self) -> bool:
+        """Whether all cells are valid beyond rounding; False when unsure."""
+        if self._doubtful is None:
+            self._glance()
+        return self._doubtful == 0
 
     @cached_property
     def validity(self) -> IndexArray:
         """Class of each cell, as `Validity`, decided in exact arithmetic."""
         from qsmooth.kernels.cell_metrics import validity
 
-        out = np.empty(self.topology.n_cells, np.int64)
-        validity(self.xy, *self.topology.cells, out)
-        return out
+        out = np.full(self.topology.n_cells, Validity.VALID, np.int64)
+        if not self._all_valid:
+            validity(self.xy, *self.topology.cells, out)
+        return read_only(out)
 
     @property
     def n_invalid(self) -> int:
         """Count of cells that are not valid."""
+        if "validity" not in self.__dict__ and self._all_valid:
+            return 0
         return int((self.validity != Validity.VALID).sum())
 
     def summary(self, metrics: str | Sequence[str] | None = None) -> Summary:
@@ -183,22 +226,28 @@ class Quality:
             If a name is no metric.
         """
         names = parse_metrics(metrics)
-        sizes = self.topology.cell_sizes
-        kinds = np.array([sizes.min(), sizes.max()])  # all that bins depend on
-        classes = np.bincount(self.validity, minlength=len(Validity))
+        area = float(self.area.sum())
+        n_cells, n_quads = self.topology.n_cells, self.topology.n_quads
+        kinds = np.array([4] * (n_quads > 0) + [3] * (n_cells > n_quads))  # what bins depend on
+        invalid = self.validity[self.validity != Validity.VALID] if self.n_invalid else []
+        classes = np.bincount(invalid, minlength=len(Validity))
+        classes[Validity.VALID] = n_cells - classes.sum()
+        worst, mean, histograms = {}, {}, {}
+        for name in names:
+            metric = METRICS[name]
+            values = metric.defined(self[name])
+            worst[name], mean[name] = metric.worst_of(values), metric.mean_of(values)
+            if edges := metric.edges_of(kinds):
+                histograms[name] = count_by_bins(values, edges)
         return Summary(
             n_vertices=self.topology.n_vertices,
-            n_quads=int((sizes == 4).sum()),
-            n_triangles=int((sizes == 3).sum()),
-            area=float(self.area.sum()),
-            worst={name: METRICS[name].worst_of(self[name]) for name in names},
-            mean={name: METRICS[name].mean_of(self[name]) for name in names},
+            n_quads=n_quads,
+            n_triangles=n_cells - n_quads,
+            area=area,
+            worst=worst,
+            mean=mean,
             validity={kind.name.lower(): int(classes[kind]) for kind in Validity},
-            histograms={
-                name: count_by_bins(METRICS[name].defined(self[name]), edges)
-                for name in names
-                if (edges := METRICS[name].edges_of(kinds))
-            },
+            histograms=histograms,
         )
 
     def worst(
@@ -260,4 +309,17 @@ def quality(mesh: Any) -> Quality:
         If a pair is no mesh.
     """
     mesh = to_mesh(mesh)
-    return Quality(mesh.topology, mesh.xy, mesh.points)
+    key = id(mesh.topology), id(mesh.points)
+    found = _measured.get(key)
+    if found is None:
+        found = _measured[key] = Quality(mesh.topology, mesh.xy, mesh.points)
+    return found
+
+
+def _in_degrees(diamonds: Sequence[float] | None) -> list[float]:
+    from qsmooth.kernels.cell_lanes import in_degrees
+
+    out = np.array(diamonds)
+    in_degrees(out)
+    degrees: list[float] = out.tolist()
+    return degrees

@@ -103,6 +103,11 @@ def by_cell(module: str, kernel: str) -> Callable[[Cells], FloatArray]:
     return measure
 
 
+def by_figure(name: str) -> Callable[[Cells], FloatArray]:
+    """Take one of the figures that are measured together."""
+    return lambda cells: cells.figure(name)
+
+
 def by_inner_edges(kernel: str, centres: str) -> Callable[[Cells], FloatArray]:
     """Measure by a kernel that takes each cell's centre and neighbours."""
 
@@ -153,7 +158,7 @@ def relative_size_squared(cells: Cells) -> FloatArray:
 register(
     Metric(
         name="min_angle",
-        measure=lambda cells: cells.angles[0],
+        measure=by_figure("min_angle"),
         words="smallest angle",
         definition="smallest interior angle of a cell, on the left of its boundary",
         evident=True,
@@ -172,7 +177,7 @@ register(
 register(
     Metric(
         name="max_angle",
-        measure=lambda cells: cells.angles[1],
+        measure=by_figure("max_angle"),
         words="largest angle",
         definition="largest interior angle of a cell, over 180° at a concave corner",
         evident=True,
@@ -191,7 +196,7 @@ register(
 register(
     Metric(
         name="aspect_ratio",
-        measure=by_cell("cell_metrics", "aspect_ratio"),
+        measure=by_figure("aspect_ratio"),
         words="aspect ratio",
         definition="longest over shortest edge of a cell",
         higher_is_better=False,
@@ -207,7 +212,7 @@ register(
 register(
     Metric(
         name="scaled_jacobian",
-        measure=by_cell("cell_metrics", "scaled_jacobian"),
+        measure=by_figure("scaled_jacobian"),
         words="scaled Jacobian",
         definition="sine of a cell's worst corner (in triangles over that of 60°)",
         source=ALGEBRAIC,
@@ -220,7 +225,7 @@ register(
 register(
     Metric(
         name="shape",
-        measure=by_cell("cell_metrics", "shape"),
+        measure=by_figure("shape"),
         words="shape",
         definition="mean ratio of a cell's worst corner",
         source="P. M. Knupp, Finite Elements in Analysis and Design 39 (2003)",
@@ -254,7 +259,7 @@ register(
 register(
     Metric(
         name="edge_ratio",
-        measure=by_cell("cell_metrics", "aspect_ratio"),
+        measure=by_figure("aspect_ratio"),
         words="edge ratio",
         definition="longest over shortest edge of a cell, verdict's name of the aspect ratio",
         source=VERDICT,

@@ -22,6 +22,8 @@ AT_LIMIT = 1e-5
 LEAST_FORBIDDEN = 1e-2
 # The share of the mean shape that the worst cells may cost if nothing else is said.
 MEAN_LOSS = 0.1
+# So near its floor, as a fraction, the mean shape has nothing left to give.
+NEAR_FLOOR = 0.01
 # What the worst cells may cost the sizes: by so much may the mean of γ |log τ| grow.
 MOST_RESIZED = 0.06
 # Areas count as this multiple of their target at least.
@@ -67,7 +69,17 @@ class Figures:
     @property
     def overall(self) -> float:
         """What counts where the worst corners are held: the mean, low angles, the worst shape."""
-        return float(self.shape * self.low_angle**LOW_COUNTS * self.least_shape**SHAPE_COUNTS)
+        return float(self.shape * self.lowest)
+
+    @property
+    def lowest(self) -> float:
+        """Low angles and the worst shape."""
+        return float(self.low_angle**LOW_COUNTS * self.least_shape**SHAPE_COUNTS)
+
+    @property
+    def worst_of_all(self) -> float:
+        """What counts where a better worst corner costs the worst shape."""
+        return self.free_jacobian * self.least_shape
 
     def better(self, other: Figures) -> bool:
         """Whether the worst corner is better, or about as good with a better mean."""
@@ -75,8 +87,11 @@ class Figures:
         return gain > LEAST_GAIN or (gain > -LEAST_GAIN and self.shape > other.shape)
 
     def gain(self, other: Figures) -> float:
-        """Largest gain over the other in any figure."""
-        return max(self.free_jacobian - other.free_jacobian, self.shape - other.shape)
+        """Largest gain over the other: of the worst corner, the mean, or what else counts."""
+        gains = [self.free_jacobian - other.free_jacobian, self.shape - other.shape]
+        if other.lowest > 0.0:
+            gains.append(self.lowest / other.lowest - 1.0)
+        return max(gains)
 
 
 class Best:
@@ -194,7 +209,7 @@ class Best:
         old, new = mark[1], self.figures
         if new.n_invalid < old.n_invalid or not self.affords(old):
             return True
-        return new.free_jacobian * new.least_shape > old.free_jacobian * old.least_shape
+        return new.worst_of_all > old.worst_of_all
 
     def start_again(self, mark: tuple[FloatArray, Figures]) -> None:
         """Go back to what was kept, and forget what would have been too dear since."""
@@ -212,6 +227,10 @@ class Best:
             # What was there before is given up only by those who allow more than is usual.
             least = min(1.0, share / (1.0 - MEAN_LOSS)) * self.given.shape
         return max(share * self.best_shape, least)
+
+    def at_floor(self) -> bool:
+        """Whether the worst cells have cost nearly all that they may."""
+        return self.figures.shape < (1.0 + NEAR_FLOOR) * self.floor()
 
     def affords(self, now: Figures) -> bool:
         """Whether neither the mean shape nor the sizes have lost more than is allowed."""

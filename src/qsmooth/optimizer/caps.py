@@ -53,6 +53,7 @@ class Caps:
         self.held = np.tile(FREE, (topology.n_vertices, 1))
         self.swept = self.held[:, :ALWAYS].copy()
         self.lost = np.zeros(topology.n_cells, np.bool_)
+        self._strict: FloatArray | None = None
 
     def hold(self, xy: FloatArray, also: Collection[str] = (), *, angles: bool = True) -> None:
         """From now on let nothing get worse than the worst of its region at these coordinates.
@@ -108,6 +109,8 @@ class Caps:
         This is a little stricter than trials are: what is let through here is not so near a cap
         that its vertices would have no trial any more.
         """
+        if self._strict is None:
+            return np.zeros((self.lost.size, len(HELD)), np.bool_)
         figures, held = self.figures(xy), self._strict[self.regions[1]]
         worse = np.where(SMALLER, figures > held, figures < held)
         return np.asarray(worse & ~self.lost[:, None])

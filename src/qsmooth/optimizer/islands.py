@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray
+from qsmooth.optimizer.extrapolation import Extrapolation
 from qsmooth.optimizer.ground import Ground
 from qsmooth.optimizer.progress import ROUND, Progress
 
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 FLOOR, FLOOR_FACTOR, LEAST_FLOOR = 1e-4, 0.01, 1e-9
 # The square grows by this times that of the smallest determinant, where that is negative.
 PER_DETERMINANT = 0.04
+# What an extrapolation may cost the smallest determinant, as a fraction of itself.
+MOST_LOST = 0.02
 # The smallest determinant has grown when it did by this fraction of itself.
 LEAST_PROGRESS = 1e-3
 
@@ -97,13 +100,20 @@ class Islands:
         last = np.inf if most_sweeps is None else progress.sweeps + most_sweeps
         active = self._best > 0
         before = progress.sweeps
+        ahead = Extrapolation(self._lanes.stars.vertices, ROUND, self._task.ground.engine)
+        size = np.sqrt(self._task.sizes[self._vertices])
+        ahead.start(xy, size)
         while active.any() and progress.sweeps < last and not progress.spent():
             active &= self._has_patience()
             if not active.any():
                 break
             self._lanes.untangle(xy, *self._softness())
             progress.sweeps += 1
+            ahead.note(xy)
             self._determinants()
+            if ahead.full:
+                self._go(ahead.extrapolated(xy))
+                ahead.start(xy, size)
             if progress.sweeps % ROUND == 0:
                 self._lanes.report(xy, self._lanes.quality(xy), progress)
             self._keep_best(progress.sweeps % ROUND == 0)
@@ -111,6 +121,20 @@ class Islands:
         xy[self._vertices] = self._best_xy
         if progress.sweeps > before:
             self._lanes.report(xy, self._lanes.quality(xy), progress)
+
+    def _go(self, trial: FloatArray | None) -> None:
+        """Go to where the sweeps lead, but for islands whose worst corner would lose by it."""
+        if trial is None:
+            return
+        xy, worst = self._task.xy, self._worst
+        before = xy[self._vertices]
+        xy[:] = trial
+        self._determinants()
+        worse = self._worst < worst - MOST_LOST * np.abs(worst)
+        if worse.any():
+            back = worse[self._island_of_vertex]
+            xy[self._vertices[back]] = before[back]
+            self._determinants()
 
     def mend_more(self, rounds: int, patience: int, *, wholly: bool) -> bool:
         """Look for places that mend more cells, one vertex at a time; say whether there were.

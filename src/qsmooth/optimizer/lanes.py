@@ -14,8 +14,9 @@ from qsmooth.engine import Engine
 from qsmooth.kernels.stars import Moves, Rings, Stars
 from qsmooth.metrics import Quality
 from qsmooth.optimizer.caps import ALWAYS, FREE, Caps
+from qsmooth.optimizer.extrapolation import Extrapolation
 from qsmooth.optimizer.look import Look
-from qsmooth.optimizer.progress import Progress
+from qsmooth.optimizer.progress import ROUND, Progress
 from qsmooth.sums import exact_sum
 from qsmooth.targets import Targets, beside_others
 from qsmooth.topology import Topology
@@ -36,6 +37,10 @@ LAYER_WEIGHT = 3.0
 # of the layer: at the trailing edge of an airfoil 1.9 times of it, and now 1.3. In triangles of
 # layers too: their smallest angle is their height over their length.
 BORDER_WEIGHT = 100.0
+# Power of the wall on a cell's shape.
+SLIM_POWER = 16
+# Where an extrapolation is forbidden vertices are put back so often before it is given up.
+PUT_BACK = 12
 # Multiple of the Newton step that is tried first: neighbours follow the same way in their turn.
 RELAXATION = 1.7
 
@@ -86,12 +91,70 @@ class Lanes:
         found: IndexArray = row_corners(self._blocks, *self.topology.cells)
         return found
 
-    def newton(self, xy: FloatArray, wall: Wall, progress: Progress) -> None:
-        """Sweep a round downhill on the mean shape and the wall."""
+    def newton(
+        self, xy: FloatArray, wall: Wall, progress: Progress, *, extrapolate: bool = False
+    ) -> None:
+        """Sweep a round downhill on the mean shape and the wall; then, perhaps, go where it leads.
+
+        Not where sizes count: there an extrapolation takes the heights of layers along.
+        """
         sweep = self._sweep(xy, wall, self.caps.swept, self._moves.lengths)
-        for _ in range(progress.next_round()):
+        n_sweeps = progress.next_round()
+        may = extrapolate and n_sweeps == ROUND and not self.sizes[:, 1].any()
+        ahead = self._ahead if may and self._ahead.due() else None
+        if ahead is not None:
+            ahead.start(xy, self.shortest_edges(xy))
+        for _ in range(n_sweeps):
             self._engine.run(sweep, self.n_colours)
             progress.sweeps += 1
+            if ahead is not None:
+                ahead.note(xy)
+        if ahead is not None:
+            ahead.judge(self._go(xy, ahead.extrapolated(xy), wall))
+
+    def _go(self, xy: FloatArray, trial: FloatArray | None, wall: Wall) -> bool:
+        """Go to where the sweeps lead if that is allowed and better; say whether."""
+        if trial is None or not self._put_back(xy, trial):
+            return False
+        if not self._height(trial, wall) < self._height(xy, wall):
+            return False
+        xy[:] = trial
+        return True
+
+    def _put_back(self, xy: FloatArray, trial: FloatArray) -> bool:
+        """Put back the vertices of forbidden cells, and a ring; say whether that was enough."""
+        from qsmooth.kernels.tangles import grow
+
+        topology = self.topology
+        for _ in range(PUT_BACK):
+            bad = self.caps.forbidden(trial)
+            if not bad.any():
+                return True
+            marked = np.zeros(topology.n_vertices, np.bool_)
+            marked[topology.cell_vertices[np.repeat(bad, topology.cell_sizes)]] = True
+            grow(marked, 1, *self._rings)
+            trial[marked] = xy[marked]
+        return False
+
+    def _height(self, xy: FloatArray, wall: Wall) -> float:
+        """Sum up the energy that sweeps bring down, the same in any order; lost cells have none."""
+        look, (_, slim, weight), counts = self.look(xy), self._asked, ~self.caps.lost
+        n_terms = np.where(self.topology.cell_sizes == 3, 1.0, 4.0)
+        height = wall.mean_weight * (n_terms * weight * look.energy)[counts]
+        with np.errstate(over="ignore"):
+            walled = np.where(slim > 0.0, look.worst_shape, 0.0) * slim
+            height += walled[counts] ** SLIM_POWER
+            if wall.threshold < math.inf:
+                badness = (look.badness * self._near)[counts] / wall.threshold
+                height += badness ** (2.0**wall.squarings)
+        return exact_sum(height)
+
+    def shortest_edges(self, xy: FloatArray) -> FloatArray:
+        """Measure the shortest edge of each movable vertex, (n_movable,), in block order."""
+        from qsmooth.kernels.untangle_sweep import shortest_edges
+
+        shortest_edges(xy, *self._rings, self._blocks.vertices, self._shortest)
+        return self._shortest
 
     def _sweep(
         self, xy: FloatArray, wall: Wall, held: FloatArray, lengths: FloatArray
@@ -145,6 +208,7 @@ class Lanes:
     def aim_at(self, targets: Targets) -> None:
         """Ask each cell for this shape and size from now on; takes walls on shape down."""
         self.targets, self._look = targets, None
+        self._ahead = Extrapolation(self._blocks.vertices, ROUND, self._engine)
         self.maps = np.empty((0, 3)) if targets.maps is None else targets.maps
         counts = targets.size_weight > 0.0
         inv_area = np.divide(1.0, targets.area, out=np.zeros(counts.size), where=counts)
@@ -180,7 +244,8 @@ class Lanes:
         badness = self.energy(xy)[0]
         worst = np.maximum(np.where(np.isfinite(badness), badness, 1.0), 1.0)
         worst = worst_around(worst, rings, *self.topology.cells, self.topology.n_vertices)
-        self._rows = self._rows._replace(near=(1.0 / worst)[self._blocks.cells])
+        self._near = 1.0 / worst
+        self._rows = self._rows._replace(near=self._near[self._blocks.cells])
 
     def weigh_good(self, xy: FloatArray) -> None:
         """Let each cell's shape energy f count by 1 / f² at these coordinates.
@@ -188,7 +253,7 @@ class Lanes:
         Then the energy falls as the mean of 1 / f, the mean shape, rises; else bad cells count for
         more. Walls on shapes stay where they are.
         """
-        size_weight, slim = self._asked
+        size_weight, slim, _ = self._asked
         self._ask(size_weight, slim, np.minimum(self.worst_shape(xy), FLAT) ** -2)
 
     def _ask(
@@ -198,7 +263,7 @@ class Lanes:
         from qsmooth.kernels.blocks import make_rows
 
         weight = np.ones(slim.size) if weight is None else weight
-        self._asked = size_weight, slim
+        self._asked, self._near = (size_weight, slim, weight), np.ones(slim.size)
         self._rows = make_rows(
             self._blocks,
             self._row_corners,
@@ -255,12 +320,9 @@ class Lanes:
 
     def report(self, xy: FloatArray, now: Quality, progress: Progress) -> None:
         """Note the last sweep in the history."""
-        from qsmooth.kernels.untangle_sweep import shortest_edges
-
         lengths, shares = self._moves
-        shortest_edges(xy, *self._rings, self._blocks.vertices, self._shortest)
         shares[:] = 0.0
-        np.divide(lengths, self._shortest, out=shares, where=lengths > 0.0)
+        np.divide(lengths, self.shortest_edges(xy), out=shares, where=lengths > 0.0)
         progress.note(now, self._moves)
 
     def energy(self, xy: FloatArray) -> tuple[FloatArray, FloatArray]:

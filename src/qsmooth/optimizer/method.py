@@ -85,14 +85,14 @@ class _Staged(Method):
         """Go through the stages, and sum up."""
         inside = Inside(mesh)
         before = inside.quality(mesh)
-        summary = before.summary()
         only, _ = self.selected(mesh)
         movable = mesh.topology.movable(self.keep_interfaces)
         if only is not None:
             movable &= only
         n_movable = int(movable.sum())
-        progress = Progress(self, summary)
-        result, found, bounds = mesh, _Found(inside.at_vertices(mesh.xy)), None
+        progress = Progress(self, before)
+        result, found, after = mesh, _Found(inside.at_vertices(mesh.xy)), before
+        bounds = None
         if n_movable:
             engine = threads_for(self.threads, n_movable)
             only = inside.chosen_vertices(only)
@@ -100,8 +100,8 @@ class _Staged(Method):
             with engine.running():
                 found = self.stages(ground, before, progress)
                 result = stored(mesh, inside.back(found.xy))
+                after = inside.quality(result)
             bounds = self.bounds(inside, result)
-        after = inside.quality(result)
         invalid = with_proof(invalid_cells(before, after), mesh.topology, result.xy, movable)
         seconds = progress.seconds
         stop = progress.stop or self.finished(found, invalid)
@@ -120,7 +120,7 @@ class _Staged(Method):
                 chosen=chosen,
                 untangles=True,
                 selected=self.selection is not None,
-                unchanged=np.array_equal(result.points, mesh.points),
+                unchanged=result is mesh or np.array_equal(result.points, mesh.points),
                 stages=tuple(progress.stages),
                 largest_share=progress.history[-1].largest_share if progress.history else 0.0,
                 trades=trades,
@@ -132,8 +132,8 @@ class _Staged(Method):
                 limits=bounds,
             ),
             history=History(progress.history),
-            before=summary,
-            after=after.summary(),
+            quality_before=before,
+            quality_after=after,
             seconds=seconds,
         )
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from qsmooth._types import FloatArray
+from qsmooth.kernels.compiling import clock
 from qsmooth.methods.base import Method
 from qsmooth.methods.driver import gain, record, record_of
-from qsmooth.metrics import Quality, Summary
+from qsmooth.metrics import Quality
 from qsmooth.outcome import Aim, Stage, Stop
 from qsmooth.result import SweepRecord
 
@@ -32,19 +32,19 @@ class Progress:
         What the caller allows that is used up, None so far.
     """
 
-    def __init__(self, options: Method, before: Summary) -> None:
+    def __init__(self, options: Method, before: Quality) -> None:
         self._options = options
         self.sweeps, self.steps = 0, 0
         self.stop: Stop | None = None
         self.stages: list[Stage] = []
         self.history: list[SweepRecord] = []
         self._last = record_of(before)
-        self._started = time.perf_counter()
+        self._started = clock()
 
     @property
     def seconds(self) -> float:
-        """Time since the start, callbacks left out."""
-        return time.perf_counter() - self._started
+        """Time since the start; callbacks and the compiling of kernels left out."""
+        return clock() - self._started
 
     def spent(self) -> bool:
         """Whether what the caller allows is used up."""
@@ -63,9 +63,9 @@ class Progress:
         """Put a round into the history, and tell the caller."""
         self.history.append(record(now, *moves))
         if self._options.callback is not None:
-            called = time.perf_counter()
+            called = clock()
             self._options.callback(self.history[-1])
-            self._started += time.perf_counter() - called
+            self._started += clock() - called
 
     @contextmanager
     def stage(self, aim: Aim) -> Iterator[None]:

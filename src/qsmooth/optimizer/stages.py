@@ -23,6 +23,9 @@ MEAN_GAIN = 1e-4
 CREEPING = 2e-3
 GLOBAL_STEPS = 24
 GLOBAL_GAIN = 2e-2
+# Where the mean shape has fallen below this fraction of its best the coordinates of that are gone
+# back to.
+NEARLY = 0.99
 # Steps in a row that may cost the mean of the shapes.
 STEP_PATIENCE = 3
 # The same where a sweep would gain this fraction of the energy if nothing were held.
@@ -33,7 +36,7 @@ KEPT_BACK = 2e-2
 WALLS = ((2, 0.7), (3, 0.8), (4, 0.85), (5, 0.9), (6, 0.9), (6, 0.95))
 # After so many rounds in which the worst corner did not get better by this the next wall is put up;
 # more rounds where there are layers, whose angles get better by and by.
-WALL_PATIENCE, LAYER_PATIENCE, WALL_GAIN = 1, 2, 3e-4
+WALL_PATIENCE, LAYER_PATIENCE, WALL_GAIN = 1, 2, 5e-4
 # The last walls are put up once more with walls on the shapes that stand this much farther back.
 LAST_WALLS, LOOSER = 3, 3.0
 # Then these walls stand by the worst cell of so many rings, for so many rounds each; they may cost
@@ -70,15 +73,18 @@ def improve_mean(
     no_wall = Wall(1.0, np.inf, 1)
     energy, rounds = np.inf, 0
     start = _total(lanes.energy(xy)[1])
-    best_shape, since = 0.0, 0
+    best_shape, since, best_xy = 0.0, 0, xy.copy()
     while not progress.spent() and not best.good_enough():
-        lanes.newton(xy, no_wall, progress)
+        lanes.newton(xy, no_wall, progress, extrapolate=True)
         rounds += 1
         before, energy = energy, _total(lanes.energy(xy)[1])
         shape = best.offer(xy, by_mean=not worst).shape
         # The energy counts bad cells for more than the mean of the shapes does: where the one
         # falls at the other's cost there is no more to gain here.
-        best_shape, since = max(best_shape, shape), 0 if shape > best_shape else since + 1
+        if shape > best_shape:
+            best_shape, since, best_xy[:] = shape, 0, xy
+        else:
+            since += 1
         due = rounds % MEAN_ROUNDS == 0
         if energy >= before * (1.0 - settled) or since >= MEAN_ROUNDS:
             due, over = True, True
@@ -95,6 +101,8 @@ def improve_mean(
                 continue
         if over:
             break
+    if best.last.shape < NEARLY * best_shape:
+        xy[:] = best_xy
 
 
 def mend_worst(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> None:
@@ -112,7 +120,7 @@ def mend_worst(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> 
     _push(lanes, xy, best, progress, WALLS)
     strict, walls = best.mark(), WALLS[-LAST_WALLS:]
     xy[:] = best.xy
-    if best.forbidden is not None:
+    if best.forbidden is not None or best.at_floor():
         # The walls on shapes cost the mean more than it affords: all once more, with these far off.
         walls, xy[:] = WALLS, first
         best.start_again(start)
@@ -143,7 +151,8 @@ def _push(
         patience = most
         while patience and not (progress.spent() or best.good_enough() or best.at_limit()):
             worst = _largest(lanes.energy(xy)[0])
-            lanes.newton(xy, Wall(weight, share * worst, squarings), progress)
+            wall = Wall(weight, share * worst, squarings)
+            lanes.newton(xy, wall, progress, extrapolate=True)
             now = best.offer(xy)
             # Mean and sizes count for more where the wall has cost them more than is allowed.
             affordable = best.affords(now)

@@ -1,0 +1,38 @@
+"""``qsmooth warmup``: compile ahead of the first use."""
+
+from __future__ import annotations
+
+import time
+from typing import Annotated
+
+import typer
+
+from qsmooth._words import plural
+from qsmooth.cli import files, terminal
+
+
+def warmup(
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[NAME]...",
+            help="Compile what these methods need; out of {methods}. By default all.",
+            show_default=False,
+        ),
+    ] = None,
+    debug: files.DebugOption = False,
+) -> None:
+    """Compile what methods need, so that the first mesh need not wait for it.
+
+    It is kept on disk. Useful after installing or upgrading, as in the recipe of a container.
+    """
+    from qsmooth.table import time_text
+    from qsmooth.warming import warmup
+
+    started = time.perf_counter()
+    count = warmup(names)
+    if count:
+        taken = time_text(time.perf_counter() - started)
+        terminal.write_line(f"Compiled {plural(count, 'kernel')} in {taken}")
+    else:
+        terminal.write_line("Everything was compiled already")

@@ -1,0 +1,66 @@
+"""What compiling kernels takes: a clock that leaves it out, a count, and who is told.
+
+Numba is not loaded here: whoever only reads a clock needs no compiler.
+"""
+
+import logging
+import threading
+import time
+
+# Python tells it on standard error where nobody has set up logging; programs hear of it by a
+# handler of this logger.
+_log = logging.getLogger("qsmooth")
+MESSAGE = "compiling, first time only"
+# Kernels that compile within so many seconds of each other are told of once.
+PAUSE = 10.0
+
+
+class _Compiling(threading.local):
+    """What this Python thread compiles, and has compiled."""
+
+    depth = 0
+    started = 0.0
+    seconds = 0.0
+    ended = float("-inf")
+
+
+_compiling = _Compiling()
+
+
+class _Count:
+    """Kernels compiled in this process, by any thread."""
+
+    value = 0
+
+
+def clock() -> float:
+    """Seconds from some moment on, without what this Python thread spent compiling kernels."""
+    return time.perf_counter() - _compiling.seconds
+
+
+def compiled_kernels() -> int:
+    """Count the kernels that this process had to compile, as no cache had them."""
+    return _Count.value
+
+
+def begin(of_ours: bool) -> None:
+    """Note that something begins to compile, maybe inside what compiles already."""
+    if not _compiling.depth and not of_ours:
+        return
+    _compiling.depth += 1
+    if _compiling.depth > 1:
+        return
+    _compiling.started = time.perf_counter()
+    _Count.value += 1
+    if _compiling.started > _compiling.ended + PAUSE:
+        _log.warning(MESSAGE)
+
+
+def end() -> None:
+    """Note that it has compiled."""
+    if not _compiling.depth:
+        return
+    _compiling.depth -= 1
+    if not _compiling.depth:
+        _compiling.ended = time.perf_counter()
+        _compiling.seconds += _compiling.ended - _compiling.started
