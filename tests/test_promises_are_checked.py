@@ -9,7 +9,7 @@ import pytest
 
 import promises
 from meshes import grid, random_mesh, renumber, tangle
-from qsmooth import Mesh, Stop
+from qsmooth import Mesh, Stop, quality
 from qsmooth.methods.driver import Sweep, SweepingMethod
 from qsmooth.options import option
 from qsmooth.outcome import Aim, Held, Sizes, Target, Trade
@@ -150,7 +150,7 @@ class GainsWhatNobodyCanRead(Honest):
 class MeasuresAnotherMesh(Honest):
     def run(self, mesh, chosen=""):
         result = super().run(mesh)
-        return replace(result, after=replace(result.after, area=7.0))
+        return replace(result, quality_after=quality(Mesh(*grid(3, 3))))
 
 
 class RefusesWithoutAWord(Honest):

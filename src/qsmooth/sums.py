@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from qsmooth._types import FloatArray
+from qsmooth.checks import read_only
 
 # A float64 is an integer times 2 to the power of its exponent's field less this.
 BIAS = 1075
@@ -25,7 +26,7 @@ def exact_sum(values: FloatArray) -> float:
 
     values = np.ascontiguousarray(values, dtype=np.float64).ravel()
     halves = np.zeros((EXPONENTS, 2), np.int64)
-    add_exactly(values.view(np.int64), halves)
+    add_exactly(read_only(values.view(np.int64)), halves)
     if halves[-1].any():
         with np.errstate(invalid="ignore"):
             return float(values.sum())

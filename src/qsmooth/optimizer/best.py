@@ -22,8 +22,6 @@ AT_LIMIT = 1e-5
 LEAST_FORBIDDEN = 1e-2
 # The share of the mean shape that the worst cells may cost if nothing else is said.
 MEAN_LOSS = 0.1
-# So near its floor, as a fraction, the mean shape has nothing left to give.
-NEAR_FLOOR = 0.01
 # What the worst cells may cost the sizes: by so much may the mean of γ |log τ| grow.
 MOST_RESIZED = 0.06
 # Areas count as this multiple of their target at least.
@@ -227,10 +225,6 @@ class Best:
             # What was there before is given up only by those who allow more than is usual.
             least = min(1.0, share / (1.0 - MEAN_LOSS)) * self.given.shape
         return max(share * self.best_shape, least)
-
-    def at_floor(self) -> bool:
-        """Whether the worst cells have cost nearly all that they may."""
-        return self.figures.shape < (1.0 + NEAR_FLOOR) * self.floor()
 
     def affords(self, now: Figures) -> bool:
         """Whether neither the mean shape nor the sizes have lost more than is allowed."""

@@ -78,6 +78,11 @@ class Lanes:
         """Measure the mesh at these coordinates."""
         return Quality(self.topology, xy)
 
+    @property
+    def sized(self) -> bool:
+        """Whether sizes count."""
+        return bool(self.sizes[:, 1].any())
+
     @cached_property
     def caps(self) -> Caps:
         """What is held; nothing at first."""
@@ -100,7 +105,7 @@ class Lanes:
         """
         sweep = self._sweep(xy, wall, self.caps.swept, self._moves.lengths)
         n_sweeps = progress.next_round()
-        may = extrapolate and n_sweeps == ROUND and not self.sizes[:, 1].any()
+        may = extrapolate and n_sweeps == ROUND and not self.sized
         ahead = self._ahead if may and self._ahead.due() else None
         if ahead is not None:
             ahead.start(xy, self.shortest_edges(xy))

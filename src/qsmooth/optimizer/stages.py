@@ -37,6 +37,8 @@ WALLS = ((2, 0.7), (3, 0.8), (4, 0.85), (5, 0.9), (6, 0.9), (6, 0.95))
 # After so many rounds in which the worst corner did not get better by this the next wall is put up;
 # more rounds where there are layers, whose angles get better by and by.
 WALL_PATIENCE, LAYER_PATIENCE, WALL_GAIN = 1, 2, 5e-4
+# The same where sizes count: there nothing is extrapolated, and a round gains less.
+SIZED_GAIN = 3e-4
 # The last walls are put up once more with walls on the shapes that stand this much farther back.
 LAST_WALLS, LOOSER = 3, 3.0
 # Then these walls stand by the worst cell of so many rings, for so many rounds each; they may cost
@@ -120,7 +122,7 @@ def mend_worst(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> 
     _push(lanes, xy, best, progress, WALLS)
     strict, walls = best.mark(), WALLS[-LAST_WALLS:]
     xy[:] = best.xy
-    if best.forbidden is not None or best.at_floor():
+    if best.forbidden is not None:
         # The walls on shapes cost the mean more than it affords: all once more, with these far off.
         walls, xy[:] = WALLS, first
         best.start_again(start)
@@ -147,6 +149,7 @@ def _push(
 
     weight, seen = 1.0, best.figures.free_jacobian
     most = LAYER_PATIENCE if lanes.targets.is_layer.any() else WALL_PATIENCE
+    least = SIZED_GAIN if lanes.sized else WALL_GAIN
     for squarings, share in walls:
         patience = most
         while patience and not (progress.spent() or best.good_enough() or best.at_limit()):
@@ -157,7 +160,7 @@ def _push(
             # Mean and sizes count for more where the wall has cost them more than is allowed.
             affordable = best.affords(now)
             weight = max(1.0, 0.5 * weight) if affordable else 2.0 * weight
-            gains = affordable and now.free_jacobian > seen + WALL_GAIN
+            gains = affordable and now.free_jacobian > seen + least
             patience = most if gains else patience - 1
             seen = max(seen, now.free_jacobian) if affordable else seen
 
