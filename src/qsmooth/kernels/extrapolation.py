@@ -63,8 +63,8 @@ def products(moves: MoveArray, largest: float) -> IndexArray:
         for k in range(j + 1):
             total = np.int64(0)
             for i in range(n):
-                x = (moves[j, i, 0] * scale) * (moves[k, i, 0] * scale)
-                y = (moves[j, i, 1] * scale) * (moves[k, i, 1] * scale)
+                x = (np.float64(moves[j, i, 0]) * scale) * (np.float64(moves[k, i, 0]) * scale)
+                y = (np.float64(moves[j, i, 1]) * scale) * (np.float64(moves[k, i, 1]) * scale)
                 total += np.int64((x + y) * unit)
             sums[j, k], sums[k, j] = total, total
     return sums
