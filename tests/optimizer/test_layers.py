@@ -85,6 +85,16 @@ def test_distorted_squares_end_as_with_squares_for_a_target(seed):
     assert np.array_equal(auto.points, ideal.points)
 
 
+@pytest.mark.parametrize("seed", range(2))
+def test_what_untangling_leaves_is_no_layer(seed):
+    # And with squares the mean is so good that no ratios have to be tried.
+    mesh = examples.random_interior(100, 100, seed=seed)
+    auto, ideal = smooth(mesh), smooth(mesh, target="ideal")
+    assert np.array_equal(auto.points, ideal.points)
+    assert auto.sweeps == ideal.sweeps
+    assert auto.after.worst["min_angle"] > 89.0
+
+
 @pytest.mark.parametrize("name", ["spiral_2k.off", "sfepy_tri932.mesh", "mesquite_unstrquad.vtk"])
 @pytest.mark.filterwarnings("ignore:.*CELLS says")
 def test_isotropic_meshes_end_as_with_ideal_cells_for_a_target(name, shared_meshes):

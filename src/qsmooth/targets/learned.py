@@ -31,7 +31,9 @@ def learned(topology: Topology, xy: FloatArray) -> Targets:
     return candidates(topology, xy)[1]
 
 
-def candidates(topology: Topology, xy: FloatArray) -> tuple[Targets, Targets]:
+def candidates(
+    topology: Topology, xy: FloatArray, mended: FloatArray | None = None
+) -> tuple[Targets, Targets]:
     """Find out what the mesh means to be, in two ways.
 
     They differ in the quads that are of no layer. A stretched one may be meant, as over a bump, or
@@ -41,7 +43,10 @@ def candidates(topology: Topology, xy: FloatArray) -> tuple[Targets, Targets]:
     Parameters
     ----------
     xy : (n_vertices, 2)
-        A valid mesh; what is invalid is taken for isotropic.
+        The mesh; what is invalid is taken for isotropic.
+    mended : (n_vertices, 2)
+        The same without invalid cells, where there are so many that `xy` says little. Only ratios
+        are learned from this: untangling leaves cells that look like layers, and mean nothing.
 
     Returns
     -------
@@ -54,7 +59,8 @@ def candidates(topology: Topology, xy: FloatArray) -> tuple[Targets, Targets]:
     sheets = Sheets(topology, xy)
     layer = sheets.layers()
     log_ratio, log_area = rectangles(sheets) if layer.any() else (np.zeros(layer.size),) * 2
-    ratios = sheets.learned_ratios()
+    ratio_sheets = sheets if mended is None else Sheets(topology, mended / unit_of(mended))
+    ratios = ratio_sheets.learned_ratios()
     n_quads = sheets.n_quads
     quads, places = sheets.first[:n_quads], sheets.sides[:n_quads]
     plain = ideal(topology)
