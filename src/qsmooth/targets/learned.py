@@ -45,8 +45,9 @@ def candidates(
     xy : (n_vertices, 2)
         The mesh; what is invalid is taken for isotropic.
     mended : (n_vertices, 2)
-        The same without invalid cells, where there are so many that `xy` says little. Only ratios
-        are learned from this: untangling leaves cells that look like layers, and mean nothing.
+        The same without invalid cells, where there are so many that `xy` says little: ratios are
+        learned from this, and layers and gradings are those that are there in both, as they are in
+        `xy`. Tangles and what untangling leaves may look like layers, and mean nothing.
 
     Returns
     -------
@@ -57,10 +58,14 @@ def candidates(
     unit = unit_of(xy)
     xy = xy / unit
     sheets = Sheets(topology, xy)
-    layer = sheets.layers()
+    layer, mended_sheets = sheets.layers(), sheets
+    stays = np.ones(topology.n_cells, np.bool_)
+    if mended is not None:
+        stays = candidates(topology, mended)[0].size_weight > 0.0
+        layer *= stays[sheets.first] & stays[sheets.second]
+        mended_sheets = Sheets(topology, mended / unit_of(mended))
     log_ratio, log_area = rectangles(sheets) if layer.any() else (np.zeros(layer.size),) * 2
-    ratio_sheets = sheets if mended is None else Sheets(topology, mended / unit_of(mended))
-    ratios = ratio_sheets.learned_ratios()
+    ratios = mended_sheets.learned_ratios()
     n_quads = sheets.n_quads
     quads, places = sheets.first[:n_quads], sheets.sides[:n_quads]
     plain = ideal(topology)
@@ -68,6 +73,8 @@ def candidates(
     corners = plain.corners
     area[quads], weight[quads] = log_area[:n_quads], layer[:n_quads]
     fill_triangles(topology, xy, sheets, layer, log_ratio, log_area, corners, area, weight)
+    changed = np.repeat(~stays, topology.cell_sizes)
+    corners[changed], weight[~stays] = plain.corners[changed], 0.0
     for cells in (sheets.first, sheets.second):
         is_layer[cells] = layer > 0.5
     weight[beside_others(topology, is_layer)] *= BORDER_WEIGHT
