@@ -19,6 +19,9 @@ LAYER_SHAPE = 0.0, 0.5
 # times of it at the trailing edge of an airfoil, and 1.04 with this.
 BORDER_WEIGHT = 3.0
 
+# Ratios of fewer of the cells than this are none: they could not make the mean so much better.
+LEAST_RATIOS = 0.01
+
 
 def learned(topology: Topology, xy: FloatArray) -> Targets:
     """Find out what the mesh means to be, all of it; see the head of this module.
@@ -53,7 +56,7 @@ def candidates(
     -------
     squares, ratios
         With squares there, and with learned ratios of sides; the same object where no ratio is
-        learned. Where there is no layer, stretched triangle or grading the first is `ideal`.
+        learned, or of hardly a cell. Where there is no layer, stretched triangle or grading the first is `ideal`.
     """
     unit = unit_of(xy)
     xy = xy / unit
@@ -88,6 +91,7 @@ def candidates(
     sizes = np.where(weight > 0.0, np.exp(area) * unit**2, np.nan)
     is_plain = not weight.any() and np.array_equal(found[0], plain.corners)
     squares = Targets(found[0], sizes, weight, is_layer, "ideal" if is_plain else "squares")
-    if not (ratios[:n_quads] * (1.0 - share)).any():
+    stretched = int(np.count_nonzero(ratios[:n_quads] * (1.0 - share)))
+    if stretched < max(LEAST_RATIOS * topology.n_cells, 1):
         return squares, squares
     return squares, squares._replace(corners=found[1], kind="ratios")
