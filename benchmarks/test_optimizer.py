@@ -11,7 +11,7 @@ from qsmooth import examples, limits, quality, smooth, untangle
 from qsmooth.engine import threads_for
 from qsmooth.kernels._jit import use_threads
 from qsmooth.kernels.blocks import build_blocks
-from qsmooth.kernels.cell_energy import cell_energy, worst_around
+from qsmooth.kernels.cell_energy import cell_energy, cell_heights, worst_around
 from qsmooth.kernels.held_figures import beyond_held, held_figures
 from qsmooth.kernels.mapped_sweep import Maps, mapped_sweep
 from qsmooth.kernels.newton_sweep import Wall, newton_sweep
@@ -319,6 +319,7 @@ def _cell_kernels(mesh):
         "round_figures": lambda: Look(mesh.topology, mesh.xy, movable, plain, sizes, no_maps),
         "worst_around": lambda: worst_around(values, RINGS, *cells, mesh.n_vertices),
         "held_figures": lambda: held_figures(mesh.xy, *cells, movable, six),
+        "cell_heights": lambda: cell_heights(values, values, values, values, out, out, 6, more),
         "beyond_held": lambda: beyond_held(mesh.xy, *cells, movable, free, nowhere, marked),
         "learned": lambda: learned(mesh.topology, mesh.xy),
     }
@@ -327,7 +328,15 @@ def _cell_kernels(mesh):
 @pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize(
     "name",
-    ["cell_energy", "round_figures", "worst_around", "held_figures", "beyond_held", "learned"],
+    [
+        "cell_energy",
+        "round_figures",
+        "worst_around",
+        "held_figures",
+        "beyond_held",
+        "cell_heights",
+        "learned",
+    ],
 )
 def test_cells(benchmark, mesh, note, name, threads):
     run = _cell_kernels(mesh)[name]

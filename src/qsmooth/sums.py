@@ -22,24 +22,16 @@ def exact_sum(values: FloatArray) -> float:
 
     Of numbers some of which are not finite it is what any order gives: infinite or NaN.
     """
-    from qsmooth.kernels.sums import EXPONENTS, HALF_BITS, add_exactly
+    from qsmooth.kernels.sums import N_LIMBS, add_exactly
 
     values = np.ascontiguousarray(values, dtype=np.float64).ravel()
-    halves = np.zeros((EXPONENTS, 2), np.int64)
-    add_exactly(read_only(values.view(np.int64)), halves)
-    if halves[-1].any():
+    limbs = np.empty(N_LIMBS, np.int64)
+    if not add_exactly(read_only(values.view(np.int64)), limbs):
         with np.errstate(invalid="ignore"):
             return float(values.sum())
-    used = np.flatnonzero(halves.any(axis=1)).tolist()
-    if not used:
-        return 0.0
-    first = used[0]
-    total = 0
-    for exponent in used:
-        high, low = halves[exponent].tolist()
-        total += ((high << HALF_BITS) + low) << (exponent - first)
+    total = int.from_bytes(limbs.astype("<u4").tobytes(), "little", signed=True)
     try:
-        return total / (1 << (BIAS - first)) if first < BIAS else float(total << (first - BIAS))
+        return total / (1 << BIAS)
     except OverflowError:
         return math.inf if total > 0 else -math.inf
 

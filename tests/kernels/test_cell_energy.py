@@ -89,6 +89,23 @@ def test_energies_have_no_unit(kind, seed, scale):
     np.testing.assert_allclose(scaled, own, rtol=1e-9)
 
 
+# ------------------------------------------------------------------------------- heights
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("squarings", range(1, 7))
+def test_heights_are_energy_and_walls_of_what_counts(squarings):
+    energy = np.array([1.0, 1.5, 2.0, 1.25, np.inf])
+    worst, badness = np.array([1.1, 2.0, 3.0, 1.5, np.inf]), np.array([1.2, 1.4, 2.0, 1.1, np.inf])
+    weights = np.array([4.0, 0.0, 1.0, -1.0, 1.0])
+    slim, scale = np.array([0.5, 0.6, 0.0, 0.5, 0.0]), np.array([0.8, 0.0, 0.5, 0.8, 0.0])
+    out = np.full(5, np.nan)
+    cell_kernels.cell_heights(energy, worst, badness, weights, slim, scale, squarings, out)
+    power = 2**squarings
+    expected = [4.0 + 0.55**16 + 0.96**power, 1.2**16, 2.0 + 1.0**power, 0.0, np.inf]
+    np.testing.assert_allclose(out, expected, rtol=1e-12)
+
+
 # ------------------------------------------------------------------------------- worst around
 
 

@@ -8,7 +8,7 @@ from numba import prange
 from qsmooth._types import BoolArray, FloatArray, IndexArray
 from qsmooth.kernels._jit import helper, kernel, parallel_kernel
 from qsmooth.kernels.corner_energy import Target, corner_shape
-from qsmooth.kernels.star_energy import SINE_60
+from qsmooth.kernels.star_energy import SINE_60, SLIM_SQUARINGS, power
 
 
 @helper()
@@ -101,6 +101,42 @@ def cell_energy(
             d = a
         badness[c] = worst
         energy[c] = total / (last - first)
+
+
+@kernel()
+def cell_heights(
+    energy: FloatArray,
+    worst: FloatArray,
+    badness: FloatArray,
+    weights: FloatArray,
+    slim: FloatArray,
+    scale: FloatArray,
+    squarings: int,
+    out: FloatArray,
+) -> None:
+    """Put together what sweeps bring down: energy, and the walls on shape and badness.
+
+    Parameters
+    ----------
+    energy, worst, badness : (n_cells,)
+        As by `round_figures`.
+    weights : (n_cells,)
+        What the energy counts for; cells with less than 0 do not count at all.
+    slim, scale : (n_cells,)
+        One over where the walls on shape and on badness stand; 0 for none.
+    squarings
+        The wall on badness is of power 2 ** squarings.
+    out : (n_cells,)
+        Overwritten.
+    """
+    for c in range(out.size):
+        out[c] = 0.0
+        if weights[c] >= 0.0:
+            out[c] = weights[c] * energy[c]
+            if slim[c] > 0.0:
+                out[c] += power(worst[c] * slim[c], SLIM_SQUARINGS)
+            if scale[c] > 0.0:
+                out[c] += power(badness[c] * scale[c], squarings)
 
 
 @kernel()

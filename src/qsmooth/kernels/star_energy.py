@@ -50,6 +50,8 @@ from qsmooth.kernels.lanes import (
 
 # What the sine of a triangle's corner is at best: it counts as 1.
 SINE_60 = math.sqrt(0.75)
+# The wall on a cell's shape is of power 2 to this power.
+SLIM_SQUARINGS = 4
 
 
 class Terms(NamedTuple):

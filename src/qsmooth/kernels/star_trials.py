@@ -28,7 +28,15 @@ from qsmooth.kernels.lanes import (
     TRIAL,
     LaneRange,
 )
-from qsmooth.kernels.star_energy import SINE_60, RowArrays, Terms, WallArrays, nearer, power
+from qsmooth.kernels.star_energy import (
+    SINE_60,
+    SLIM_SQUARINGS,
+    RowArrays,
+    Terms,
+    WallArrays,
+    nearer,
+    power,
+)
 
 # The square of a triangle's best sine.
 THREE_QUARTERS = 0.75
@@ -80,7 +88,7 @@ def _try_corner(
     energy = terms.mean_weight * f
     if walled:
         gg = squares * inv * inv * (terms.scale * terms.scale)
-        energy += power(f * slim, 4) + power(gg, terms.squarings - 1)
+        energy += power(f * slim, SLIM_SQUARINGS) + power(gg, terms.squarings - 1)
     s[TRIAL + i] += energy
 
 
@@ -143,7 +151,7 @@ def _try_triangle(
     f = (target.m11 * va + target.m12 * uw + target.m22 * vc) * inv
     energy = terms.mean_weight * f
     if walled:
-        energy += power(f * slim, 4)
+        energy += power(f * slim, SLIM_SQUARINGS)
     s[TRIAL + i] += energy
     if walled:
         scale = terms.scale * SINE_60

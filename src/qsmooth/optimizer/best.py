@@ -264,9 +264,9 @@ class Best:
 
     def measure(self, xy: FloatArray) -> Figures:
         """Measure coordinates, (n, 2)."""
-        quality = self.lanes.look(xy).quality
-        badness, energy = self.lanes.energy(xy)
-        shape = 1.0 / self.lanes.worst_shape(xy)
+        look = self.lanes.look(xy)
+        quality, (badness, energy) = look.quality, self.lanes.counted(look)
+        shape = 1.0 / look.worst_shape
         return Figures(
             free_jacobian=1.0 / float(badness.max(initial=1.0)),
             shape=exact_mean(shape),

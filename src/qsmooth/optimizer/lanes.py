@@ -37,8 +37,6 @@ LAYER_WEIGHT = 3.0
 # of the layer: at the trailing edge of an airfoil 1.9 times of it, and now 1.3. In triangles of
 # layers too: their smallest angle is their height over their length.
 BORDER_WEIGHT = 100.0
-# Power of the wall on a cell's shape.
-SLIM_POWER = 16
 # Where an extrapolation is forbidden vertices are put back so often before it is given up.
 PUT_BACK = 12
 # Multiple of the Newton step that is tried first: neighbours follow the same way in their turn.
@@ -145,15 +143,23 @@ class Lanes:
 
     def _height(self, xy: FloatArray, wall: Wall) -> float:
         """Sum up the energy that sweeps bring down, the same in any order; lost cells have none."""
-        look, (_, slim, weight), counts = self.look(xy), self._asked, ~self.caps.lost
+        from qsmooth.kernels.cell_energy import cell_heights
+
+        look, (_, slim, weight), lost = self.look(xy), self._asked, self.caps.lost
         n_terms = np.where(self.topology.cell_sizes == 3, 1.0, 4.0)
-        height = wall.mean_weight * (n_terms * weight * look.energy)[counts]
-        with np.errstate(over="ignore"):
-            walled = np.where(slim > 0.0, look.worst_shape, 0.0) * slim
-            height += walled[counts] ** SLIM_POWER
-            if wall.threshold < math.inf:
-                badness = (look.badness * self._near)[counts] / wall.threshold
-                height += badness ** (2.0**wall.squarings)
+        weights = np.where(lost, -1.0, wall.mean_weight * n_terms * weight)
+        height = np.empty(weights.size)
+        scale = self._near / wall.threshold
+        cell_heights(
+            look.energy,
+            look.worst_shape,
+            look.badness,
+            weights,
+            slim,
+            scale,
+            wall.squarings,
+            height,
+        )
         return exact_sum(height)
 
     def shortest_edges(self, xy: FloatArray) -> FloatArray:
@@ -337,7 +343,11 @@ class Lanes:
 
         Cells that nothing can be done for (`Caps.lost`) have none.
         """
-        look, lost = self.look(xy), self.caps.lost
+        return self.counted(self.look(xy))
+
+    def counted(self, look: Look) -> tuple[FloatArray, FloatArray]:
+        """Give the badness and energy of cells that something can be done for, as in `energy`."""
+        lost = self.caps.lost
         if not lost.any():
             return look.badness, look.energy
         return np.where(lost, 0.0, look.badness), np.where(lost, 0.0, look.energy)

@@ -56,7 +56,8 @@ def candidates(
     -------
     squares, ratios
         With squares there, and with learned ratios of sides; the same object where no ratio is
-        learned, or of hardly a cell. Where there is no layer, stretched triangle or grading the first is `ideal`.
+        learned, or of hardly a cell. Where there is no layer, stretched triangle or grading the
+        first is `ideal`.
     """
     unit = unit_of(xy)
     xy = xy / unit
