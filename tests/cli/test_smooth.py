@@ -206,7 +206,7 @@ def test_json_does_not_destroy_the_mesh(fails, mesh_file, tmp_path, command):
         (["--size-weight", -1], "--size-weight must be 0 or more, got -1.0"),
         (["--time-limit", 0], "--time-limit must be over 0 seconds, got 0.0"),
         (["--mean-loss", 1], "--mean-loss must be in [0, 1), got 1.0"),
-        (["--weights", "heavy"], "--weights"),
+        (["--weights", "heavy"], "--weights must be 'uniform' or 'area', got 'heavy'"),
         (["--objective", "beauty"], "--objective"),
         (["--split-quads", "longer"], "--split-quads"),
     ],

@@ -12,13 +12,11 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from enum import Enum
 from typing import (
     TYPE_CHECKING,
     Annotated,
     Any,
     Literal,
-    cast,
     get_args,
     get_origin,
     get_type_hints,
@@ -142,16 +140,19 @@ class ShellOption:
 
     def parameter(self) -> inspect.Parameter:
         """Declare it for Typer."""
-        flags, enum = self.flags, cast("Any", Enum)  # no name is known when types are checked
+        flags, metavar = self.flags, self.usual.metavar or None
         annotation: Any = {"number": float, "integer": int, "flag": bool}.get(self.kind, str)
         if self.kind == "choice":
-            annotation = enum(self.name, {choice: choice for choice in self.choices})
+            metavar = (
+                f"[{'|'.join(self.choices)}]"  # others are refused by the method, in its words
+            )
         elif self.kind == "flag":
             flags = [f"{flag}/--no-{flag.removeprefix('--')}" for flag in flags]
         info = typer.Option(
             *flags,
             help=self.help,
-            metavar=self.usual.metavar or None,
+            metavar=metavar,
+            autocompletion=(lambda: list(self.choices)) if self.kind == "choice" else None,
             rich_help_panel=self.panel,
             show_default=False,
         )
@@ -164,8 +165,8 @@ class ShellOption:
 
     def value(self, given: Any) -> Any:
         """Make a value of what the shell gives."""
-        if isinstance(given, Enum):
-            return self.choices[given.value]
+        if self.kind == "choice":
+            return self.choices.get(given, given)
         parse = self.usual.parse
         return given if parse is None else parse(given)
 
