@@ -82,6 +82,11 @@ def test_the_short_forms_for_ideal_corners_are_the_general_one(ux, uy, wx, wy):
         )
 
 
+def dot_with_fixed(ux, uy, ex, ey):
+    """u·e of an edge u that runs to the vertex that moves, and an edge e that does not change."""
+    return energy.Quadratic(ux * ex + uy * ey, ex, ey, 0.0)
+
+
 def terms(target, corner, following, previous, moving):
     """Numerator and determinant as functions of the place of one of the three vertices."""
     (vx, vy), (bx, by), (dx, dy) = corner, following, previous
@@ -91,11 +96,11 @@ def terms(target, corner, following, previous, moving):
         uw, det = energy.dot(ux, uy, wx, wy), energy.determinant(ux, uy, wx, wy)
     elif moving == "next":
         uu, ww = energy.half_square(-ux, -uy), energy.fixed_half_square(wx, wy)
-        uw = energy.dot_with_fixed(ux, uy, wx, wy)
+        uw = dot_with_fixed(ux, uy, wx, wy)
         det = energy.determinant_to_next(ux, uy, wx, wy)
     else:
         uu, ww = energy.fixed_half_square(ux, uy), energy.half_square(-wx, -wy)
-        uw = energy.dot_with_fixed(wx, wy, ux, uy)
+        uw = dot_with_fixed(wx, wy, ux, uy)
         det = energy.determinant_to_previous(ux, uy, wx, wy)
     return energy.numerator(target, uu, uw, ww), det
 

@@ -24,9 +24,7 @@ from qsmooth.kernels.cell_lanes import (
     Y2,
     Y3,
     degrees_of,
-    gather_cells,
-    look_at_quads,
-    look_at_triangles,
+    look_at_cells,
     store_lanes,
 )
 from qsmooth.kernels.geometry import TRIANGLE_SCALE
@@ -136,14 +134,12 @@ def cell_figures(
             last = min(first + LANES, stop)
             left = last - first
             for n_corners in (4, 3):
-                n = gather_cells(xy, cell_offsets, cell_vertices, first, last, n_corners, cells, p)
-                if n == 0:
-                    continue
+                n = look_at_cells(
+                    xy, cell_offsets, cell_vertices, first, last, n_corners, cells, p, s
+                )
                 if n_corners == 4:
-                    look_at_quads(p, n, s)
                     _measure_quads(p, n, s)
                 else:
-                    look_at_triangles(p, n, s)
                     _measure_triangles(p, n, s)
                 for i in range(n):
                     s[LOW + i], s[HIGH + i] = degrees_of(s[LOW + i]), degrees_of(s[HIGH + i])

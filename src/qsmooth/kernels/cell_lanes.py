@@ -177,6 +177,30 @@ def look_at_triangles(p: FloatArray, n: int, s: FloatArray) -> None:
         s[SURE + i] = a_sure * b_sure * c_sure
 
 
+@helper()
+def look_at_cells(
+    xy: FloatArray,
+    cell_offsets: IndexArray,
+    cell_vertices: IndexArray,
+    first: int,
+    last: int,
+    n_corners: int,
+    cells: IndexArray,
+    p: FloatArray,
+    s: FloatArray,
+) -> int:
+    """Look at those of some cells that have so many corners; how many there are.
+
+    Parameters are those of `gather_cells`, and the scratch of `look_at_quads`.
+    """
+    n = gather_cells(xy, cell_offsets, cell_vertices, first, last, n_corners, cells, p)
+    if n_corners == 4:
+        look_at_quads(p, n, s)
+    else:
+        look_at_triangles(p, n, s)
+    return n
+
+
 @lane_helper()
 def degrees_of(diamond: float) -> float:
     """Angle in degrees, in [0, 360), of what `diamond_angle` gives; to two units or so."""

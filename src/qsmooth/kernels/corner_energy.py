@@ -82,12 +82,6 @@ def dot(ux: float, uy: float, wx: float, wy: float) -> Quadratic:
 
 
 @lane_helper()
-def dot_with_fixed(ux: float, uy: float, ex: float, ey: float) -> Quadratic:
-    """u·e of an edge u that runs to the vertex that moves, and an edge e that does not change."""
-    return Quadratic(ux * ex + uy * ey, ex, ey, 0.0)
-
-
-@lane_helper()
 def numerator(target: Target, uu: Quadratic, uw: Quadratic, ww: Quadratic) -> Quadratic:
     """½ (m11 |u|² + 2 m12 u·w + m22 |w|²), of ½ |u|², u·w and ½ |w|²."""
     m11, m12, m22 = target

@@ -13,9 +13,7 @@ from qsmooth.kernels.cell_lanes import (
     N_PLACES,
     SHAPE,
     SURE,
-    gather_cells,
-    look_at_quads,
-    look_at_triangles,
+    look_at_cells,
     store_lanes,
 )
 
@@ -58,13 +56,9 @@ def glance(
             last = min(first + LANES, stop)
             left = last - first
             for n_corners in (4, 3):
-                n = gather_cells(xy, cell_offsets, cell_vertices, first, last, n_corners, cells, p)
-                if n == 0:
-                    continue
-                if n_corners == 4:
-                    look_at_quads(p, n, s)
-                else:
-                    look_at_triangles(p, n, s)
+                n = look_at_cells(
+                    xy, cell_offsets, cell_vertices, first, last, n_corners, cells, p, s
+                )
                 for i in range(n):
                     s[LOWEST + i] = min(s[LOWEST + i], s[LOW + i])
                     s[HIGHEST + i] = max(s[HIGHEST + i], s[HIGH + i])

@@ -70,11 +70,3 @@ class Moves(NamedTuple):
 
     lengths: FloatArray
     shares: FloatArray
-
-
-class Step(NamedTuple):
-    """What a method wants a vertex to do, and the length of that vertex's shortest edge."""
-
-    dx: float
-    dy: float
-    shortest: float
