@@ -75,10 +75,15 @@ class GlobalNewton:
         self._solver = Multigrid(*self._map)
         self._gradient = np.empty((moving.size, 2))
 
-    def step(self, xy: FloatArray) -> float:
+    def step(self, xy: FloatArray, rise: float = 0.0) -> float:
         """Take one step downhill on the mean shape, in place.
 
         Vertices of cells that would be forbidden stay, and those around them, until none is.
+
+        Parameters
+        ----------
+        rise
+            By so large a fraction the energy may rise, for sweeps to bring it down again.
 
         Returns
         -------
@@ -96,7 +101,7 @@ class GlobalNewton:
             if not self._allowed(xy, 0.5**k * direction, trial):
                 continue
             after = self.energy(trial)
-            if after < before:
+            if after < before * (1.0 + rise):
                 xy[:] = trial
                 return 1.0 - after / before
         return 0.0
