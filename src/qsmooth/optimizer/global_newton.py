@@ -20,9 +20,10 @@ MOST_ITERATIONS = 30
 # A step that does not lower the energy is halved this often.
 HALVINGS = 12
 # Vertices of cells that a step would make worse than what is held are put back so often before the
-# step is halved; those in so many rings around take less of it than they would.
-PUT_BACK = 6
-GRADED_RINGS = 8
+# step is halved, unless there are then more such cells than there were, by this factor; those in so
+# many rings around take less of it than they would.
+PUT_BACK, MORE = 6, 1.2
+TAPERED_RINGS = 8
 
 
 class GlobalNewton:
@@ -122,19 +123,22 @@ class GlobalNewton:
 
     def _allowed(self, xy: FloatArray, direction: FloatArray, trial: FloatArray) -> bool:
         """Fill in the step, with vertices of forbidden cells put back; whether that was enough."""
-        offsets, vertices = self.topology.cells
-        counts = np.diff(offsets)
-        share = np.ones(self.topology.n_vertices)
+        from qsmooth.kernels.taper import taper
+
+        topology, at = self.topology, self.vertices
+        share, most = np.ones(topology.n_vertices), math.inf
         for _ in range(PUT_BACK):
-            trial[self.vertices] = xy[self.vertices] + share[self.vertices, None] * direction
+            trial[at] = xy[at] + share[at, None] * direction
             cells = self._forbidden(trial)
-            if not cells.any():
+            count = int(cells.sum())
+            if count == 0:
                 return True
-            share[vertices[np.repeat(cells, counts)]] = 0.0
+            if count > most:
+                return False
+            most = min(most, MORE * count)
             # Those around them less and less, or the cells between would be drawn out.
-            for _ in range(GRADED_RINGS):
-                least = np.minimum.reduceat(share[vertices], offsets[:-1]) + 1.0 / GRADED_RINGS
-                np.minimum.at(share, vertices, np.repeat(least, counts))
+            stars = topology.star_offsets, topology.star_cells
+            taper(cells, TAPERED_RINGS, *topology.cells, *stars, share)
         return False
 
     def energy(self, xy: FloatArray) -> float:
