@@ -302,7 +302,6 @@ def go_along(
     x: FloatArray,
     residual: FloatArray,
     rounded: MoveArray,
-    products: FloatArray,
 ) -> None:
     """Go along a direction of conjugate gradients, in place.
 
@@ -316,21 +315,12 @@ def go_along(
         Changed.
     rounded : (n, 2)
         Overwritten with the residual.
-    products : (MOST_CHUNKS,)
-        Overwritten with its square, chunk by chunk.
     """
-    n = x.shape[0]
-    size = chunk_rows(n)
-    products[:] = 0.0
-    for chunk in prange((n + size - 1) // size):
-        total = 0.0
-        for i in range(chunk * size, min(n, (chunk + 1) * size)):
-            for d in range(2):
-                x[i, d] += share * direction[i, d]
-                left = residual[i, d] - share * image[i, d]
-                residual[i, d], rounded[i, d] = left, left
-                total += left * left
-        products[chunk] = total
+    for i in prange(x.shape[0]):
+        for d in range(2):
+            x[i, d] += share * direction[i, d]
+            left = residual[i, d] - share * image[i, d]
+            residual[i, d], rounded[i, d] = left, left
 
 
 @parallel_kernel()

@@ -112,7 +112,7 @@ class GlobalNewton:
         from qsmooth.kernels.shape_hessian import assemble
 
         # The energy is the same in any unit; single precision is not.
-        unit = math.ldexp(1.0, math.frexp(float(np.abs(xy - xy[0]).max()))[1])
+        unit = math.ldexp(1.0, math.frexp(float(np.ptp(xy, axis=0).max()))[1])
         values = self._solver.values.reshape(-1, 2, 2)
         assemble(
             xy / unit, *self.topology.cells, self._cells, self.unknown, *self._map, *self._targets,

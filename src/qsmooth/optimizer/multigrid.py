@@ -139,7 +139,7 @@ class Multigrid:
             level.prepare(coarse)
 
     def solve(self, right: FloatArray, tolerance: float, most: int) -> FloatArray:
-        """Find x, (n, 2), with a residual of at most this fraction of the right-hand side's.
+        """Find roughly the least of ½ xᵀ A x − right · x, (n, 2).
 
         It is a direction downhill, however early it ends.
 
@@ -147,18 +147,25 @@ class Multigrid:
         ----------
         right : (n, 2)
             The right-hand side.
-        tolerance, most
-            Where it ends; and iterations at most.
+        tolerance
+            It ends where as many iterations as there were, each like the last one, would bring
+            this down by less than this fraction of what they have. A residual would say nothing
+            where cells differ in size: it is largest where they are small.
+        most
+            Iterations at most.
+
+        Notes
+        -----
+        S. G. Nash, A. Sofer, "Assessing a search direction within a truncated-Newton method",
+        Oper. Res. Lett. 9 (1990).
         """
         from qsmooth.kernels.multigrid import MOST_CHUNKS, go_along, multiply, scalar_product, turn
 
         finest, products = self._levels[0], np.empty(MOST_CHUNKS)
         x, residual, image = np.zeros_like(right), right.copy(), np.empty_like(right)
         rounded, direction = right.astype(np.float32), np.zeros_like(right)
-        scalar_product(right, rounded, products)
-        target, before = tolerance**2 * float(products.sum()), 0.0
-        self.iterations = 0
-        for _ in range(most):
+        before, fallen = 0.0, 0.0
+        for self.iterations in range(1, most + 1):
             downhill = self._cycle(rounded)
             scalar_product(residual, downhill, products)
             slope = float(products.sum())
@@ -167,9 +174,10 @@ class Multigrid:
             bend, before = float(products.sum()), slope
             if not (slope > 0.0 and bend > 0.0):
                 break
-            go_along(slope / bend, direction, image, x, residual, rounded, products)
-            self.iterations += 1
-            if float(products.sum()) <= target:
+            go_along(slope / bend, direction, image, x, residual, rounded)
+            last = slope * slope / bend
+            fallen += last
+            if self.iterations * last <= tolerance * fallen:
                 break
         return x
 
