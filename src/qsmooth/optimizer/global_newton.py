@@ -17,11 +17,11 @@ from qsmooth.topology import Topology
 # left is smooth nowhere but where sweeps see to it.
 TOLERANCE = 1e-1
 MOST_ITERATIONS = 30
-# A step that does not lower the energy is halved this often.
-HALVINGS = 12
-# Vertices of cells that a step would make worse than what is held are put back so often before the
-# step is halved, unless there are then more such cells than there were, by this factor; those in so
-# many rings around take less of it than they would.
+# Shares of a step that are tried one after the other.
+SHARES = (1.0, 0.5, 0.25, 0.06, 0.015, 4e-3, 1e-3)
+# Vertices of cells that a step would make worse than what is held are put back so often before a
+# smaller share is tried, unless there are then more such cells than there were, by this factor;
+# those in so many rings around take less of it than they would.
 PUT_BACK, MORE = 6, 1.2
 TAPERED_RINGS = 8
 
@@ -98,8 +98,8 @@ class GlobalNewton:
             return 0.0
         before = self.energy(xy)
         trial = xy.copy()
-        for k in range(HALVINGS):
-            if not self._allowed(xy, 0.5**k * direction, trial):
+        for share in SHARES:
+            if not self._allowed(xy, share * direction, trial):
                 continue
             after = self.energy(trial)
             if after < before * (1.0 + rise):
