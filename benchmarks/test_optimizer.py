@@ -12,12 +12,13 @@ from qsmooth.engine import threads_for
 from qsmooth.kernels._jit import use_threads
 from qsmooth.kernels.blocks import build_blocks
 from qsmooth.kernels.cell_energy import cell_energy, worst_around
-from qsmooth.kernels.held_figures import held_figures
+from qsmooth.kernels.held_figures import beyond_held, held_figures
 from qsmooth.kernels.mapped_sweep import Maps, mapped_sweep
 from qsmooth.kernels.newton_sweep import Wall, newton_sweep
 from qsmooth.kernels.stacks import match_heights
 from qsmooth.kernels.stars import NO_VERTEX
 from qsmooth.kernels.untangle_sweep import untangle_sweep
+from qsmooth.optimizer.caps import FREE
 from qsmooth.optimizer.extrapolation import Extrapolation
 from qsmooth.optimizer.lanes import Lanes
 from qsmooth.optimizer.look import Look
@@ -309,6 +310,8 @@ def _cell_kernels(mesh):
     out, more, six = np.empty(mesh.n_cells), np.empty(mesh.n_cells), np.empty((mesh.n_cells, 6))
     movable, sizes, no_maps = ~mesh.is_fixed, np.zeros((mesh.n_cells, 2)), np.empty((0, 3))
     values = 1.0 / quality(mesh).shape
+    free, nowhere = np.tile(FREE, (2, 1)), np.zeros(mesh.n_cells, np.int64)
+    marked = np.empty(mesh.n_cells, np.bool_)
     return {
         "cell_energy": lambda: cell_energy(
             mesh.xy, *cells, movable, plain.corners, sizes, no_maps, out, more
@@ -316,13 +319,15 @@ def _cell_kernels(mesh):
         "round_figures": lambda: Look(mesh.topology, mesh.xy, movable, plain, sizes, no_maps),
         "worst_around": lambda: worst_around(values, RINGS, *cells, mesh.n_vertices),
         "held_figures": lambda: held_figures(mesh.xy, *cells, movable, six),
+        "beyond_held": lambda: beyond_held(mesh.xy, *cells, movable, free, nowhere, marked),
         "learned": lambda: learned(mesh.topology, mesh.xy),
     }
 
 
 @pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize(
-    "name", ["cell_energy", "round_figures", "worst_around", "held_figures", "learned"]
+    "name",
+    ["cell_energy", "round_figures", "worst_around", "held_figures", "beyond_held", "learned"],
 )
 def test_cells(benchmark, mesh, note, name, threads):
     run = _cell_kernels(mesh)[name]

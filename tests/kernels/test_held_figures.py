@@ -5,7 +5,7 @@ import pytest
 
 from meshes import KINDS, random_mesh
 from qsmooth import Mesh, quality
-from qsmooth.kernels.held_figures import NOTHING, held_figures
+from qsmooth.kernels.held_figures import NOTHING, beyond_held, held_figures
 
 
 def measured(mesh, movable):
@@ -53,3 +53,24 @@ def test_a_corner_that_is_not_positive_is_told_by_its_sine_and_shape():
     ((_, _, sine, _, shape, _),) = measured(mesh, np.ones(4, np.bool_))
     assert sine < 0.0
     assert shape == np.inf
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("kind", sorted(KINDS))
+def test_a_cell_is_beyond_what_is_held_where_one_of_its_figures_is(kind):
+    mesh = random_mesh(kind, 3, seed=11, amount=0.8).mesh
+    movable = np.ones(mesh.n_vertices, np.bool_)
+    figures, regions = measured(mesh, movable), np.arange(mesh.n_cells) % 2 - 1
+    free = np.array([2.0, -2.0, -2.0, np.inf, np.inf, 0.0])
+    smaller = np.array([True, False, False, True, True, False])
+    for k in range(6):
+        # Each region holds the middle of this figure in it, and none of the others; the last row
+        # is of the cells in no region.
+        held = np.tile(free, (2, 1))
+        for region in (-1, 0):
+            held[region, k] = np.median(figures[regions == region, k])
+        found = np.ones(mesh.n_cells, np.bool_)
+        beyond_held(mesh.xy, *mesh.topology.cells, movable, held, regions, found)
+        own, cap = figures[:, k], held[regions, k]
+        np.testing.assert_array_equal(found, own > cap if smaller[k] else own < cap)
+        assert 0 < found.sum() < mesh.n_cells

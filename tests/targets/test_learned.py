@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from qsmooth import Mesh, examples, quality, read_mesh
+from qsmooth import Mesh, examples, quality, read_mesh, untangle
 from qsmooth.kernels._jit import use_threads
 from qsmooth.targets import EQUILATERAL, candidates, ideal, initial, learned
 from reference_targets import auto, energies, layer, ring, shaken, unit
@@ -122,6 +122,32 @@ def test_distortion_is_no_layer(seed):
     squares, _ = candidates(mesh.topology, mesh.xy)
     assert (quality(mesh).max_angle > 160).mean() > 0.24
     assert squares.kind == "ideal"
+
+
+@pytest.mark.parametrize("kind", ["quad", "triangle"])
+def test_layers_are_those_that_were_there_before_untangling(kind):
+    mended = layer(kind=kind)
+    places = np.random.default_rng(0).permutation(np.flatnonzero(~mended.is_fixed))
+    xy = mended.xy.copy()
+    xy[~mended.is_fixed] = mended.xy[places]
+    assert candidates(mended.topology, mended.xy)[0].is_layer.any()
+    squares, _ = candidates(mended.topology, xy, mended.xy)
+    assert not squares.is_layer.any()
+
+
+@pytest.mark.parametrize("kind", ["quad", "triangle", "mixed"])
+def test_the_sizes_that_untangling_leaves_are_not_meant(kind):
+    mesh = examples.random_interior(20, 20, kind=kind)
+    squares, _ = candidates(mesh.topology, mesh.xy, untangle(mesh).mesh.xy)
+    assert squares.kind == "ideal"
+    assert not squares.size_weight.any()
+
+
+def test_ratios_are_those_of_the_mended_mesh():
+    mended = examples.notch()
+    xy = np.random.default_rng(0).permutation(mended.xy)
+    _, ratios = candidates(mended.topology, xy, mended.xy)
+    assert np.array_equal(ratios.corners, candidates(mended.topology, mended.xy)[1].corners)
 
 
 def test_ratios_are_learned_where_nothing_is_a_layer():

@@ -35,38 +35,46 @@ def held_figures(
         edge. What it says of a cell with two vertices at one place is of no use.
     """
     for c in prange(out.shape[0]):
-        first, last = cell_offsets[c], cell_offsets[c + 1]
-        is_triangle = last - first == 3
-        best_sine = SINE_60 if is_triangle else 1.0
-        most, least, sine, ratio, shape, edge = NOTHING
-        shortest, longest = np.inf, 0.0
-        d = cell_vertices[last - 1]
-        own_det = _triangle(xy, movable, cell_vertices, first) if is_triangle else 0.0
-        for k in range(first, last):
-            a = cell_vertices[k]
-            b = cell_vertices[k + 1] if k + 1 < last else cell_vertices[first]
-            ux, uy = xy[b, 0] - xy[a, 0], xy[b, 1] - xy[a, 1]
-            wx, wy = xy[d, 0] - xy[a, 0], xy[d, 1] - xy[a, 1]
-            uu, ww = 0.5 * (ux * ux + uy * uy), 0.5 * (wx * wx + wy * wy)
-            shortest, longest = min(shortest, uu), max(longest, uu)
-            if movable[a] or movable[b]:
-                edge = min(edge, uu)
-            if movable[a] or movable[b] or movable[d]:
-                lengths = 2.0 * math.sqrt(uu * ww)
-                cosine = (ux * wx + uy * wy) / lengths
-                most, least = max(most, cosine), min(least, cosine)
-                det = own_det if is_triangle else ux * wy - uy * wx
-                sine = min(sine, det / (lengths * best_sine))
-                total = uu + ww
-                if is_triangle:
-                    ex, ey = xy[d, 0] - xy[b, 0], xy[d, 1] - xy[b, 1]
-                    total = INV_ROOT3 * (total + 0.5 * (ex * ex + ey * ey))
-                shape = max(shape, total / det if det > 0.0 else np.inf)
-            d = a
-        if edge < np.inf:
-            ratio = longest / shortest
-        out[c, 0], out[c, 1], out[c, 2] = most, least, sine
-        out[c, 3], out[c, 4], out[c, 5] = ratio, shape, edge
+        figures = _figures_of(xy, cell_vertices, cell_offsets[c], cell_offsets[c + 1], movable)
+        out[c, 0], out[c, 1], out[c, 2], out[c, 3], out[c, 4], out[c, 5] = figures
+
+
+@parallel_kernel()
+def beyond_held(
+    xy: FloatArray,
+    cell_offsets: IndexArray,
+    cell_vertices: IndexArray,
+    movable: BoolArray,
+    held: FloatArray,
+    regions: IndexArray,
+    out: BoolArray,
+) -> None:
+    """Mark the cells with a figure that is worse than what is held.
+
+    Parameters
+    ----------
+    movable : (n_vertices,)
+        As in `held_figures`.
+    held : (n_regions, 6)
+        What is held in each region, by the figures of `held_figures`.
+    regions : (n_cells,)
+        Region of each cell; -1 for the last row.
+    out : (n_cells,)
+        Overwritten. Figures that are NaN are not worse.
+    """
+    for c in prange(out.size):
+        most, least, sine, ratio, shape, edge = _figures_of(
+            xy, cell_vertices, cell_offsets[c], cell_offsets[c + 1], movable
+        )
+        region = regions[c] if regions[c] >= 0 else held.shape[0] - 1
+        out[c] = (
+            most > held[region, 0]
+            or least < held[region, 1]
+            or sine < held[region, 2]
+            or ratio > held[region, 3]
+            or shape > held[region, 4]
+            or edge < held[region, 5]
+        )
 
 
 @kernel()
@@ -92,6 +100,43 @@ def worst_of_regions(
             for k in range(smaller.size):
                 own, old = figures[c, k], worst[region, k]
                 worst[region, k] = np.maximum(old, own) if smaller[k] else np.minimum(old, own)
+
+
+@helper()
+def _figures_of(
+    xy: FloatArray, cell_vertices: IndexArray, first: int, last: int, movable: BoolArray
+) -> tuple[float, float, float, float, float, float]:
+    """Measure the worst of the corners and edges of one cell that can change."""
+    is_triangle = last - first == 3
+    best_sine = SINE_60 if is_triangle else 1.0
+    most, least, sine, ratio, shape, edge = NOTHING
+    shortest, longest = np.inf, 0.0
+    d = cell_vertices[last - 1]
+    own_det = _triangle(xy, movable, cell_vertices, first) if is_triangle else 0.0
+    for k in range(first, last):
+        a = cell_vertices[k]
+        b = cell_vertices[k + 1] if k + 1 < last else cell_vertices[first]
+        ux, uy = xy[b, 0] - xy[a, 0], xy[b, 1] - xy[a, 1]
+        wx, wy = xy[d, 0] - xy[a, 0], xy[d, 1] - xy[a, 1]
+        uu, ww = 0.5 * (ux * ux + uy * uy), 0.5 * (wx * wx + wy * wy)
+        shortest, longest = min(shortest, uu), max(longest, uu)
+        if movable[a] or movable[b]:
+            edge = min(edge, uu)
+        if movable[a] or movable[b] or movable[d]:
+            lengths = 2.0 * math.sqrt(uu * ww)
+            cosine = (ux * wx + uy * wy) / lengths
+            most, least = max(most, cosine), min(least, cosine)
+            det = own_det if is_triangle else ux * wy - uy * wx
+            sine = min(sine, det / (lengths * best_sine))
+            total = uu + ww
+            if is_triangle:
+                ex, ey = xy[d, 0] - xy[b, 0], xy[d, 1] - xy[b, 1]
+                total = INV_ROOT3 * (total + 0.5 * (ex * ex + ey * ey))
+            shape = max(shape, total / det if det > 0.0 else np.inf)
+        d = a
+    if edge < np.inf:
+        ratio = longest / shortest
+    return most, least, sine, ratio, shape, edge
 
 
 @helper()

@@ -115,14 +115,22 @@ class Caps:
         worse = np.where(SMALLER, figures > held, figures < held)
         return np.asarray(worse & ~self.lost[:, None])
 
-    def forbidden(self, xy: FloatArray) -> BoolArray:
+    def forbidden(self, xy: FloatArray, quality: Quality | None = None) -> BoolArray:
         """Mark the cells that are invalid at these coordinates, or worse than what is held.
 
-        None of those that set no cap: they are as they are.
+        None of those that set no cap: they are as they are. `quality` is that of the coordinates,
+        where it is known.
         """
-        bad = Quality(self.topology, xy).validity != Validity.VALID
-        bad &= (self.regions[1] >= 0) & ~self.lost
-        return np.asarray(bad | self.beyond(xy).any(axis=1))
+        from qsmooth.kernels.held_figures import beyond_held
+
+        quality = quality or Quality(self.topology, xy)
+        n_cells, regions = self.lost.size, self.regions[1]
+        bad = np.zeros(n_cells, np.bool_)
+        if self._strict is not None:
+            beyond_held(xy, *self.topology.cells, self._movable, self._strict, regions, bad)
+        if quality.n_invalid:
+            bad |= (quality.validity != Validity.VALID) & (regions >= 0)
+        return np.asarray(bad & ~self.lost)
 
     def figures(self, xy: FloatArray) -> FloatArray:
         """Measure what can be held of each cell, (n_cells, 6)."""

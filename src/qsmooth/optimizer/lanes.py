@@ -119,12 +119,14 @@ class Lanes:
 
     def _go(self, xy: FloatArray, trial: FloatArray | None, wall: Wall) -> bool:
         """Go to where the sweeps lead if that is allowed and better; say whether."""
-        if trial is None or not self._put_back(xy, trial):
+        if trial is None:
             return False
-        if not self._height(trial, wall) < self._height(xy, wall):
-            return False
-        xy[:] = trial
-        return True
+        look, height = self.look(xy), self._height(xy, wall)
+        if self._put_back(xy, trial) and self._height(trial, wall) < height:
+            xy[:] = trial
+            return True
+        self._look = look  # of the coordinates that stay, which are asked for next
+        return False
 
     def _put_back(self, xy: FloatArray, trial: FloatArray) -> bool:
         """Put back the vertices of forbidden cells, and a ring; say whether that was enough."""
@@ -132,7 +134,7 @@ class Lanes:
 
         topology = self.topology
         for _ in range(PUT_BACK):
-            bad = self.caps.forbidden(trial)
+            bad = self.caps.forbidden(trial, self.look(trial).quality)
             if not bad.any():
                 return True
             marked = np.zeros(topology.n_vertices, np.bool_)

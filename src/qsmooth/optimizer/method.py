@@ -243,16 +243,16 @@ class Optimize(_Staged):
         """Untangle, improve the mean, mend the worst cells; keep the best that was seen."""
         inside, lanes = ground.inside, ground.lanes
         xy = inside.at_vertices(inside.mesh.xy)
-        meant = xy
+        given = xy.copy()  # untangling may move far more than what is invalid
         if before.n_invalid:
-            if before.n_invalid <= FEW_INVALID * lanes.topology.n_cells:
-                meant = xy.copy()  # untangling may move far more than what is invalid
             with progress.stage(Aim.UNTANGLE):
                 untangle(ground, xy, progress)
         lanes.caps.hold(xy, self.hold, angles=not self._by_metric)
         start = xy.copy()
         with progress.stage(Aim.MEAN_SHAPE):
-            best, xy = self._improved(lanes, inside, xy, meant, progress)
+            few = before.n_invalid <= FEW_INVALID * lanes.topology.n_cells
+            found = self._targets(inside, given, given if few else xy)
+            best, xy = self._improved(lanes, inside, xy, found, progress)
         if self.worst and not self._by_metric and not best.good_enough():
             with progress.stage(Aim.WORST_CELLS):
                 mend_worst(lanes, xy, best, progress)
@@ -300,18 +300,24 @@ class Optimize(_Staged):
         return not isinstance(self.target, str) and (callable(self.target) or self.target.ndim == 3)
 
     def _improved(
-        self, lanes: Lanes, inside: Inside, start: FloatArray, meant: FloatArray, progress: Progress
+        self,
+        lanes: Lanes,
+        inside: Inside,
+        start: FloatArray,
+        found: tuple[list[Targets], bool],
+        progress: Progress,
     ) -> tuple[Best, FloatArray]:
         """Improve the mean towards what the mesh is meant to be; where two readings of that differ,
         the one that comes nearer to squares and equilateral triangles is taken.
         """
         runs = []
-        # Targets are learned in the caller's order: sums over the whole mesh are among them.
-        found, keep_mean = self._targets(inside.mesh, inside.back(meant))
-        for targets in found:
+        readings, keep_mean = found
+        for targets in readings:
             targets = targets_inside(targets, inside)
             best, xy = self._aimed(lanes, targets, start, progress, keep_mean)
             runs.append((best.figures.plain_shape, targets, best, xy))
+            if best.figures.plain_shape * CLEARLY >= 1.0:
+                break  # no other can be so much better
         if callable(self.target):
             for _ in range(ASKINGS):
                 _, old, best, xy = runs[-1]
@@ -350,15 +356,22 @@ class Optimize(_Staged):
         improve_mean(lanes, xy, best, progress, worst=self.worst)
         return best, xy
 
-    def _targets(self, mesh: Mesh, xy: FloatArray) -> tuple[list[Targets], bool]:
+    def _targets(
+        self, inside: Inside, given: FloatArray, mended: FloatArray
+    ) -> tuple[list[Targets], bool]:
         """What cells may be meant to be, plain first, then learned where that differs; and whether
         the mesh itself says that ideal is what they are meant to be.
+
+        They are learned of the mesh as it was given, or mended where too much of it is invalid; in
+        the caller's order, as sums over the whole mesh are among them.
         """
+        mesh, xy = inside.mesh, inside.back(mended)
         if not isinstance(self.target, str):
             return [self._given(mesh, xy)], False
         if self.target == "initial":
             return [self._sized(mesh, initial(mesh.topology, xy), xy)], False
-        plain, learned = candidates(mesh.topology, xy)
+        valid = None if mended is given else xy
+        plain, learned = candidates(mesh.topology, inside.back(given), valid)
         isotropic = learned is plain and plain.kind == "ideal"
         found = [plain] if learned is plain else [plain, learned]
         if self.target == "ideal":

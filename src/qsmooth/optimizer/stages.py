@@ -39,12 +39,12 @@ WALLS = ((2, 0.7), (3, 0.8), (4, 0.85), (5, 0.9), (6, 0.9), (6, 0.95))
 # more rounds where there are layers, whose angles get better by and by.
 WALL_PATIENCE, LAYER_PATIENCE, WALL_GAIN = 1, 2, 5e-4
 # The same where sizes count: there nothing is extrapolated, and a round gains less.
-SIZED_GAIN = 3e-4
+SIZED_GAIN = 3.2e-4
 # The last walls are put up once more with walls on the shapes that stand this much farther back.
 LAST_WALLS, LOOSER = 3, 3.0
 # Then these walls stand by the worst cell of so many rings, for so many rounds each; they may cost
 # the mean this fraction; and no shape is to be worse than this multiple of the worst one.
-EVEN_WALLS, EVEN_RINGS, EVEN_ROUNDS, EVEN_LOSS, EVEN_SLIM = 2, 10, 3, 5e-3, 0.79
+EVEN_WALLS, EVEN_RINGS, EVEN_ROUNDS, EVEN_LOSS, EVEN_SLIM = 2, 10, 3, 5e-3, 0.82
 # Rounds at most in which the mean gets back what the worst cells do not need, what a round must
 # gain for another, and how much the mean counts beside the wall.
 RELAX_ROUNDS, RELAX_GAIN, RELAX_WEIGHT = 12, 1e-4, 11.0

@@ -19,6 +19,9 @@ LAYER_SHAPE = 0.0, 0.5
 # times of it at the trailing edge of an airfoil, and 1.04 with this.
 BORDER_WEIGHT = 3.0
 
+# Ratios of fewer of the cells than this are none: they could not make the mean so much better.
+LEAST_RATIOS = 0.01
+
 
 def learned(topology: Topology, xy: FloatArray) -> Targets:
     """Find out what the mesh means to be, all of it; see the head of this module.
@@ -31,7 +34,9 @@ def learned(topology: Topology, xy: FloatArray) -> Targets:
     return candidates(topology, xy)[1]
 
 
-def candidates(topology: Topology, xy: FloatArray) -> tuple[Targets, Targets]:
+def candidates(
+    topology: Topology, xy: FloatArray, mended: FloatArray | None = None
+) -> tuple[Targets, Targets]:
     """Find out what the mesh means to be, in two ways.
 
     They differ in the quads that are of no layer. A stretched one may be meant, as over a bump, or
@@ -41,20 +46,29 @@ def candidates(topology: Topology, xy: FloatArray) -> tuple[Targets, Targets]:
     Parameters
     ----------
     xy : (n_vertices, 2)
-        A valid mesh; what is invalid is taken for isotropic.
+        The mesh; what is invalid is taken for isotropic.
+    mended : (n_vertices, 2)
+        The same without invalid cells, where there are so many that `xy` says little: ratios are
+        learned from this, and layers and gradings are those that are there in both, as they are in
+        `xy`. Tangles and what untangling leaves may look like layers, and mean nothing.
 
     Returns
     -------
     squares, ratios
         With squares there, and with learned ratios of sides; the same object where no ratio is
-        learned. Where there is no layer, stretched triangle or grading the first is `ideal`.
+        learned, or of hardly a cell. Where there is no layer, stretched triangle or grading the first is `ideal`.
     """
     unit = unit_of(xy)
     xy = xy / unit
     sheets = Sheets(topology, xy)
-    layer = sheets.layers()
+    layer, mended_sheets = sheets.layers(), sheets
+    stays = np.ones(topology.n_cells, np.bool_)
+    if mended is not None:
+        stays = candidates(topology, mended)[0].size_weight > 0.0
+        layer *= stays[sheets.first] & stays[sheets.second]
+        mended_sheets = Sheets(topology, mended / unit_of(mended))
     log_ratio, log_area = rectangles(sheets) if layer.any() else (np.zeros(layer.size),) * 2
-    ratios = sheets.learned_ratios()
+    ratios = mended_sheets.learned_ratios()
     n_quads = sheets.n_quads
     quads, places = sheets.first[:n_quads], sheets.sides[:n_quads]
     plain = ideal(topology)
@@ -62,6 +76,8 @@ def candidates(topology: Topology, xy: FloatArray) -> tuple[Targets, Targets]:
     corners = plain.corners
     area[quads], weight[quads] = log_area[:n_quads], layer[:n_quads]
     fill_triangles(topology, xy, sheets, layer, log_ratio, log_area, corners, area, weight)
+    changed = np.repeat(~stays, topology.cell_sizes)
+    corners[changed], weight[~stays] = plain.corners[changed], 0.0
     for cells in (sheets.first, sheets.second):
         is_layer[cells] = layer > 0.5
     weight[beside_others(topology, is_layer)] *= BORDER_WEIGHT
@@ -75,6 +91,7 @@ def candidates(topology: Topology, xy: FloatArray) -> tuple[Targets, Targets]:
     sizes = np.where(weight > 0.0, np.exp(area) * unit**2, np.nan)
     is_plain = not weight.any() and np.array_equal(found[0], plain.corners)
     squares = Targets(found[0], sizes, weight, is_layer, "ideal" if is_plain else "squares")
-    if not (ratios[:n_quads] * (1.0 - share)).any():
+    stretched = int(np.count_nonzero(ratios[:n_quads] * (1.0 - share)))
+    if stretched < max(LEAST_RATIOS * topology.n_cells, 1):
         return squares, squares
     return squares, squares._replace(corners=found[1], kind="ratios")
