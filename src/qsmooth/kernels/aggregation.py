@@ -10,8 +10,9 @@ graph alone, so that all of this is worked out once for any values.
 
 import numpy as np
 
-from qsmooth._types import FloatArray, IndexArray, TableArray
+from qsmooth._types import IndexArray, TableArray
 from qsmooth.kernels._jit import kernel
+from qsmooth.kernels.graphs import Graph, Shares
 
 NONE = -1
 # Stands for the number of a vertex that has none yet.
@@ -127,20 +128,10 @@ def aggregate(offsets: IndexArray, columns: TableArray, label: IndexArray) -> in
 
 
 @kernel()
-def interpolation(
-    offsets: IndexArray, columns: TableArray, label: IndexArray
-) -> tuple[IndexArray, TableArray, FloatArray]:
+def interpolation(offsets: IndexArray, columns: TableArray, label: IndexArray) -> Shares:
     """Let each row take the mean of the aggregates of its neighbours and its own.
 
-    Parameters
-    ----------
-    offsets, columns, label
-        As in `aggregate`.
-
-    Returns
-    -------
-    part_offsets, parts, shares : (n + 1,), (n_parts,), (n_parts,)
-        CSR map from a row to aggregates, and what each counts; these add up to 1 in a row.
+    Parameters are those of `aggregate`. The shares of a row add up to 1.
     """
     n = label.size
     part_offsets = np.zeros(n + 1, np.int64)
@@ -158,14 +149,13 @@ def interpolation(
                 at += 1
             shares[m] += share
         part_offsets[i + 1] = at
-    return part_offsets, parts[:at].copy(), shares[:at].copy()
+    return Shares(part_offsets, parts[:at].copy(), shares[:at].copy())
 
 
 @kernel()
-def transposed(
-    offsets: IndexArray, columns: TableArray, values: FloatArray, n_columns: int
-) -> tuple[IndexArray, TableArray, FloatArray]:
-    """Turn a CSR matrix round: for each column its rows, ascending, and the values."""
+def transposed(shares: Shares, n_columns: int) -> Shares:
+    """Turn a matrix round: for each column its rows, ascending, and their values."""
+    offsets, columns, values = shares
     to_offsets = np.zeros(n_columns + 1, np.int64)
     for j in columns:
         to_offsets[j + 1] += 1
@@ -178,7 +168,7 @@ def transposed(
             j = columns[k]
             rows[at[j]], moved[at[j]] = i, values[k]
             at[j] += 1
-    return to_offsets, rows, moved
+    return Shares(to_offsets, rows, moved)
 
 
 @kernel()
@@ -195,32 +185,21 @@ def sorted_rows(offsets: IndexArray, columns: TableArray) -> TableArray:
 
 
 @kernel()
-def product_pattern(
-    offsets: IndexArray,
-    columns: TableArray,
-    part_offsets: IndexArray,
-    parts: TableArray,
-    row_offsets: IndexArray,
-    rows: TableArray,
-) -> tuple[IndexArray, TableArray, IndexArray, TableArray]:
+def product_graphs(graph: Graph, part: Shares, row: Shares) -> tuple[Graph, Graph]:
     """Rows of the coarse matrix Pᵀ A P, and of Pᵀ A, which comes first.
 
     Parameters
     ----------
-    offsets, columns
-        CSR map of A.
-    part_offsets, parts
-        Of P, as `interpolation` gives it.
-    row_offsets, rows
-        Of Pᵀ.
+    graph, part, row
+        Of A, of P, and of Pᵀ.
 
     Returns
     -------
-    half_offsets, half_columns
-        CSR map of Pᵀ A.
-    to_offsets, to_columns
-        CSR map of Pᵀ A P. Both have their columns in the order in which they are met.
+    half, to
+        Of Pᵀ A and of Pᵀ A P, both with columns in the order in which they are met.
     """
+    offsets, columns = graph
+    part_offsets, parts, row_offsets, rows = part.offsets, part.columns, row.offsets, row.columns
     n, n_coarse = offsets.size - 1, row_offsets.size - 1
     half_offsets, to_offsets = np.zeros(n_coarse + 1, np.int64), np.zeros(n_coarse + 1, np.int64)
     half_columns, to_columns = np.empty(0, np.uint32), np.empty(0, np.uint32)
@@ -252,19 +231,16 @@ def product_pattern(
         if phase == 0:
             half_columns = np.empty(half_offsets[-1], np.uint32)
             to_columns = np.empty(to_offsets[-1], np.uint32)
-    return half_offsets, half_columns, to_offsets, to_columns
+    return Graph(half_offsets, half_columns), Graph(to_offsets, to_columns)
 
 
 @kernel()
 def product_places(
-    offsets: IndexArray,
-    columns: TableArray,
-    part_offsets: IndexArray,
-    parts: TableArray,
-    row_offsets: IndexArray,
-    rows: TableArray,
-    half: tuple[IndexArray, TableArray],
-    to: tuple[IndexArray, TableArray],
+    graph: Graph,
+    part: Shares,
+    row: Shares,
+    half: Graph,
+    to: Graph,
     half_places: TableArray,
     to_places: TableArray,
 ) -> None:
@@ -272,15 +248,15 @@ def product_places(
 
     Parameters
     ----------
-    offsets, columns, part_offsets, parts, row_offsets, rows
-        As in `product_pattern`.
-    half, to
-        CSR maps that it gives; in any order.
+    graph, part, row, half, to
+        As in `product_graphs`; columns in any order.
     half_places, to_places
         Overwritten. Place in the row of Pᵀ A of each product Pᵀ · A, and in the row of Pᵀ A P of
         each product (Pᵀ A) · P, in the order in which they are made. Unsigned, of any size that
         holds the length of a row.
     """
+    offsets, columns = graph
+    part_offsets, parts, row_offsets, rows = part.offsets, part.columns, row.offsets, row.columns
     half_offsets, half_columns = half
     to_offsets, to_columns = to
     place = np.empty(offsets.size - 1, np.uint32)

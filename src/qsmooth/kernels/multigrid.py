@@ -10,8 +10,9 @@ it was before.
 import numpy as np
 from numba import prange
 
-from qsmooth._types import FloatArray, IndexArray, MoveArray, TableArray
+from qsmooth._types import FloatArray, IndexArray, SingleArray, TableArray
 from qsmooth.kernels._jit import kernel, parallel_kernel
+from qsmooth.kernels.graphs import Graph, Shares
 
 # Rows of a chunk at least; and chunks at most.
 CHUNK, MOST_CHUNKS = 8192, 64
@@ -25,7 +26,7 @@ def chunk_rows(n: int) -> int:
 
 @parallel_kernel()
 def invert_diagonal(
-    diagonal: IndexArray, values: MoveArray, shift: float, inverse: MoveArray
+    diagonal: IndexArray, values: SingleArray, shift: float, inverse: SingleArray
 ) -> None:
     """Invert the blocks on the diagonal.
 
@@ -52,15 +53,15 @@ def invert_diagonal(
 @parallel_kernel()
 def multiply_out(
     offsets: IndexArray,
-    values: MoveArray,
-    part: tuple[IndexArray, MoveArray],
-    row: tuple[IndexArray, TableArray, MoveArray],
-    half: tuple[IndexArray, TableArray],
+    values: SingleArray,
+    part: Shares,
+    row: Shares,
+    half: Graph,
     starts: IndexArray,
     half_places: TableArray,
     to_places: TableArray,
     to_offsets: IndexArray,
-    to_values: MoveArray,
+    to_values: SingleArray,
 ) -> None:
     """Multiply out the coarse matrix Pᵀ A P.
 
@@ -69,7 +70,7 @@ def multiply_out(
     offsets, values
         Of A.
     part, row, half
-        Of P: offsets and shares; of Pᵀ: offsets, rows and shares; of Pᵀ A: offsets and columns.
+        P, Pᵀ, and the rows of Pᵀ A.
     starts : (n_coarse, 2)
         Where in the next two each coarse row begins.
     half_places, to_places
@@ -79,7 +80,7 @@ def multiply_out(
     to_values
         Overwritten.
     """
-    part_offsets, part_shares = part
+    part_offsets, _, part_shares = part
     row_offsets, rows, row_shares = row
     half_offsets, half_columns = half
     n = row_offsets.size - 1
@@ -123,10 +124,10 @@ def sweep_forward(
     offsets: IndexArray,
     columns: TableArray,
     diagonal: IndexArray,
-    values: MoveArray,
-    inverse: MoveArray,
-    right: MoveArray,
-    x: MoveArray,
+    values: SingleArray,
+    inverse: SingleArray,
+    right: SingleArray,
+    x: SingleArray,
 ) -> None:
     """Sweep once over the rows from x = 0, each solved for its own block, chunk by chunk.
 
@@ -160,9 +161,9 @@ def remaining(
     offsets: IndexArray,
     columns: TableArray,
     diagonal: IndexArray,
-    values: MoveArray,
-    x: MoveArray,
-    residual: MoveArray,
+    values: SingleArray,
+    x: SingleArray,
+    residual: SingleArray,
 ) -> None:
     """Work out what is left of the right-hand side after `sweep_forward`.
 
@@ -190,7 +191,7 @@ def remaining(
 
 @parallel_kernel()
 def combine(
-    offsets: IndexArray, columns: TableArray, shares: MoveArray, x: MoveArray, out: MoveArray
+    offsets: IndexArray, columns: TableArray, shares: SingleArray, x: SingleArray, out: SingleArray
 ) -> None:
     """Overwrite each row with a sum of shares of others: Pᵀ x."""
     for r in prange(offsets.size - 1):
@@ -205,10 +206,10 @@ def combine(
 def add_parts(
     offsets: IndexArray,
     parts: TableArray,
-    shares: MoveArray,
-    coarse: MoveArray,
-    x: MoveArray,
-    out: MoveArray,
+    shares: SingleArray,
+    coarse: SingleArray,
+    x: SingleArray,
+    out: SingleArray,
 ) -> None:
     """Add the coarse displacement: x + P · coarse."""
     for i in prange(offsets.size - 1):
@@ -223,11 +224,11 @@ def add_parts(
 def sweep_backward(
     offsets: IndexArray,
     columns: TableArray,
-    values: MoveArray,
-    inverse: MoveArray,
-    right: MoveArray,
-    before: MoveArray,
-    x: MoveArray,
+    values: SingleArray,
+    inverse: SingleArray,
+    right: SingleArray,
+    before: SingleArray,
+    x: SingleArray,
 ) -> None:
     """Sweep once over the rows, the last one first, chunk by chunk.
 
@@ -264,7 +265,7 @@ def sweep_backward(
 def multiply(
     offsets: IndexArray,
     columns: TableArray,
-    values: MoveArray,
+    values: SingleArray,
     x: FloatArray,
     out: FloatArray,
     products: FloatArray,
@@ -301,7 +302,7 @@ def go_along(
     image: FloatArray,
     x: FloatArray,
     residual: FloatArray,
-    rounded: MoveArray,
+    rounded: SingleArray,
 ) -> None:
     """Go along a direction of conjugate gradients, in place.
 
@@ -324,7 +325,7 @@ def go_along(
 
 
 @parallel_kernel()
-def turn(share: float, downhill: MoveArray, direction: FloatArray) -> None:
+def turn(share: float, downhill: SingleArray, direction: FloatArray) -> None:
     """Make the next direction of conjugate gradients of the last and of where it is downhill."""
     for i in prange(direction.shape[0]):
         for d in range(2):
@@ -332,7 +333,7 @@ def turn(share: float, downhill: MoveArray, direction: FloatArray) -> None:
 
 
 @parallel_kernel()
-def scalar_product(x: FloatArray, y: MoveArray, products: FloatArray) -> None:
+def scalar_product(x: FloatArray, y: SingleArray, products: FloatArray) -> None:
     """Multiply two vectors, (n, 2), chunk by chunk."""
     n = x.shape[0]
     size = chunk_rows(n)

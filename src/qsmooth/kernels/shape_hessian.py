@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from qsmooth._types import FloatArray, IndexArray, TableArray
+from qsmooth._types import FloatArray, IndexArray, SingleArray, TableArray
 from qsmooth.kernels._jit import helper, kernel
 from qsmooth.kernels.aggregation import sorted_rows
 from qsmooth.kernels.corner_energy import Target
@@ -203,7 +203,7 @@ def assemble(
     sizes: FloatArray,
     maps: FloatArray,
     gradient: FloatArray,
-    values: FloatArray,
+    values: SingleArray,
 ) -> None:
     """Sum the corners' derivatives into the gradient and the block matrix of the mesh.
 

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from qsmooth._types import FloatArray
+from qsmooth.kernels.graphs import Graph
 from qsmooth.kernels.stars import Stars
 from qsmooth.optimizer.caps import Caps
 from qsmooth.optimizer.multigrid import Multigrid
@@ -70,10 +71,9 @@ class GlobalNewton:
             moving, *stars_of, *topology.cells, self.unknown, self.vertices, cells
         )
         self._cells = cells[:n_cells]
-        self._map = block_pattern(
-            self.unknown, moving.size, *topology.cells, *stars_of, self.vertices
-        )
-        self._solver = Multigrid(*self._map)
+        pattern = self.unknown, moving.size, *topology.cells, *stars_of, self.vertices
+        self._graph = Graph(*block_pattern(*pattern))
+        self._solver = Multigrid(self._graph)
         self._gradient = np.empty((moving.size, 2))
 
     def step(self, xy: FloatArray, rise: float = 0.0) -> float:
@@ -115,8 +115,8 @@ class GlobalNewton:
         unit = math.ldexp(1.0, math.frexp(float(np.ptp(xy, axis=0).max()))[1])
         values = self._solver.values.reshape(-1, 2, 2)
         assemble(
-            xy / unit, *self.topology.cells, self._cells, self.unknown, *self._map, *self._targets,
-            self._gradient, values,
+            xy / unit, *self.topology.cells, self._cells, self.unknown, *self._graph,
+            *self._targets, self._gradient, values,
         )  # fmt: skip
         self._solver.prepare()
         return self._solver.solve(-self._gradient, TOLERANCE, MOST_ITERATIONS) * unit

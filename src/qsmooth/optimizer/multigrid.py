@@ -1,10 +1,11 @@
-"""Conjugate gradients with multigrid, for block matrices whose pattern stays: linear in its size."""
+"""Conjugate gradients with multigrid, for block matrices whose pattern stays: linear in cost."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from qsmooth._types import FloatArray, IndexArray, MoveArray, TableArray
+from qsmooth._types import FloatArray, IndexArray, SingleArray, TableArray
+from qsmooth.kernels.graphs import Graph, Shares
 
 # Blocks on the diagonal grow by this fraction of their trace where they are inverted.
 SHIFT = 1e-6
@@ -17,8 +18,8 @@ class _Level:
 
     Parameters
     ----------
-    offsets, columns
-        CSR map of the matrix: symmetric, columns ascending, the diagonal among them.
+    graph
+        Its rows: symmetric, columns ascending, the diagonal among them.
 
     Attributes
     ----------
@@ -26,54 +27,41 @@ class _Level:
         The blocks, row by row.
     """
 
-    def __init__(self, offsets: IndexArray, columns: TableArray) -> None:
-        n = offsets.size - 1
-        self.offsets, self.columns = offsets, columns
-        rows = np.repeat(np.arange(n, dtype=np.uint32), np.diff(offsets))
-        self.diagonal = np.flatnonzero(rows == columns)
-        self.values = np.empty((columns.size, 4), np.float32)
+    def __init__(self, graph: Graph) -> None:
+        n = graph.offsets.size - 1
+        self.size, self.graph = n, graph
+        rows = np.repeat(np.arange(n, dtype=np.uint32), np.diff(graph.offsets))
+        self.diagonal = np.flatnonzero(rows == graph.columns)
+        self.values = np.empty((rows.size, 4), np.float32)
         self.inverse = np.empty((n, 3), np.float32)
         self.right, self.x, self.before = (np.zeros((n, 2), np.float32) for _ in range(3))
-
-    @property
-    def size(self) -> int:
-        """Block rows."""
-        return self.offsets.size - 1
 
     def coarsened(self) -> _Level | None:
         """Set up the next level; None where no two rows have to do with each other any more."""
         from qsmooth.kernels import aggregation
 
-        own = self.offsets, self.columns
         label = np.empty(self.size, np.int64)
-        n = aggregation.aggregate(*own, label)
+        n = aggregation.aggregate(*self.graph, label)
         if n == self.size:
             return None
-        self.part = aggregation.interpolation(*own, label)
-        self.row = aggregation.transposed(*self.part, n)
-        maps = *own, *self.part[:2], *self.row[:2]
-        *half, offsets, columns = aggregation.product_pattern(*maps)
-        coarse = _Level(offsets, aggregation.sorted_rows(offsets, columns))
-        self.half = tuple(half)
-        self._find_places(maps, coarse)
+        self.part = aggregation.interpolation(*self.graph, label)
+        self.row = aggregation.transposed(self.part, n)
+        self.half, to = aggregation.product_graphs(self.graph, self.part, self.row)
+        coarse = _Level(Graph(to.offsets, aggregation.sorted_rows(*to)))
+        self._find_places(coarse)
         return coarse
 
-    def _find_places(self, maps: tuple[IndexArray, ...], coarse: _Level) -> None:
+    def _find_places(self, coarse: _Level) -> None:
         """Note where each product that the coarse matrix is the sum of is added."""
         from qsmooth.kernels.aggregation import product_places
 
-        offsets, _, part_offsets, _, row_offsets, rows = maps
-        lengths = np.diff(offsets)[rows], np.diff(part_offsets)[self.half[1]]
-        to = coarse.offsets, coarse.columns
-        places = []
-        self.starts = np.empty((coarse.size, 2), np.int64)
-        for k, (count, groups) in enumerate(zip(lengths, (row_offsets, self.half[0]), strict=True)):
-            ends = np.concatenate([[0], np.cumsum(count)])
-            self.starts[:, k] = ends[groups[:-1]]
-            longest = np.diff((self.half[0], to[0])[k]).max()
-            places.append(np.empty(ends[-1], np.uint16 if longest < LONG else np.uint32))
-        self.half_places, self.to_places = places
-        product_places(*maps, self.half, to, *places)
+        first, self.half_places = _places(self.row, self.graph, self.half)
+        then, self.to_places = _places(self.half, self.part, coarse.graph)
+        self.starts = np.stack([first, then], axis=1)
+        product_places(
+            self.graph, self.part, self.row, self.half, coarse.graph, self.half_places,
+            self.to_places,
+        )  # fmt: skip
 
     def prepare(self, coarse: _Level | None) -> None:
         """Invert the diagonal, and work out the values of the coarse matrix."""
@@ -81,35 +69,42 @@ class _Level:
 
         invert_diagonal(self.diagonal, self.values, SHIFT, self.inverse)
         if coarse is not None:
-            part = self.part[0], self.part[2]
             multiply_out(
-                self.offsets, self.values, part, self.row, self.half, self.starts,
-                self.half_places, self.to_places, coarse.offsets, coarse.values,
+                self.graph.offsets, self.values, self.part, self.row, self.half, self.starts,
+                self.half_places, self.to_places, coarse.graph.offsets, coarse.values,
             )  # fmt: skip
 
-    def sweep_down(self, right: MoveArray, coarse: _Level) -> None:
+    def sweep_down(self, right: SingleArray, coarse: _Level) -> None:
         """Sweep from 0, and hand what remains to the coarse level."""
         from qsmooth.kernels.multigrid import combine, remaining, sweep_forward
 
-        rows = self.offsets, self.columns, self.diagonal, self.values
+        rows = *self.graph, self.diagonal, self.values
         sweep_forward(*rows, self.inverse, right, self.x)
         remaining(*rows, self.x, self.before)
         combine(*self.row, self.before, coarse.right)
 
-    def sweep_up(self, right: MoveArray, coarse: _Level) -> None:
+    def sweep_up(self, right: SingleArray, coarse: _Level) -> None:
         """Take what the coarse level has found, and sweep back."""
         from qsmooth.kernels.multigrid import add_parts, sweep_backward
 
         add_parts(*self.part, coarse.x, self.x, self.before)
-        rows = self.offsets, self.columns, self.values
-        sweep_backward(*rows, self.inverse, right, self.before, self.x)
+        sweep_backward(*self.graph, self.values, self.inverse, right, self.before, self.x)
 
-    def solve(self, right: MoveArray) -> None:
+    def solve(self, right: SingleArray) -> None:
         """Solve for each row by itself."""
         from qsmooth.kernels.multigrid import sweep_forward
 
-        rows = self.offsets, self.columns, self.diagonal, self.values
+        rows = *self.graph, self.diagonal, self.values
         sweep_forward(*rows, self.inverse, right, self.x)
+
+
+def _places(
+    left: Graph | Shares, right: Graph | Shares, product: Graph
+) -> tuple[IndexArray, TableArray]:
+    """Count the products of two matrices: where those of each row begin, and room for places."""
+    ends = np.concatenate([[0], np.cumsum(np.diff(right.offsets)[left.columns])])
+    is_short = np.diff(product.offsets).max() < LONG
+    return ends[left.offsets[:-1]], np.empty(ends[-1], np.uint16 if is_short else np.uint32)
 
 
 class Multigrid:
@@ -117,8 +112,8 @@ class Multigrid:
 
     Parameters
     ----------
-    offsets, columns
-        CSR map of the matrix: symmetric, columns ascending, the diagonal among them. Neighbours
+    graph
+        The rows of the matrix: symmetric, columns ascending, the diagonal among them. Neighbours
         should have numbers near each other.
 
     Attributes
@@ -127,8 +122,8 @@ class Multigrid:
         The blocks, row by row; to be filled in before `prepare`.
     """
 
-    def __init__(self, offsets: IndexArray, columns: TableArray) -> None:
-        self._levels = [_Level(offsets, columns)]
+    def __init__(self, graph: Graph) -> None:
+        self._levels = [_Level(graph)]
         while (coarse := self._levels[-1].coarsened()) is not None:
             self._levels.append(coarse)
         self.values = self._levels[0].values
@@ -170,7 +165,7 @@ class Multigrid:
             scalar_product(residual, downhill, products)
             slope = float(products.sum())
             turn(slope / before if before else 0.0, downhill, direction)
-            multiply(finest.offsets, finest.columns, finest.values, direction, image, products)
+            multiply(*finest.graph, finest.values, direction, image, products)
             bend, before = float(products.sum()), slope
             if not (slope > 0.0 and bend > 0.0):
                 break
@@ -181,7 +176,7 @@ class Multigrid:
                 break
         return x
 
-    def _cycle(self, right: MoveArray) -> MoveArray:
+    def _cycle(self, right: SingleArray) -> SingleArray:
         """Go down the levels and up again, once: an approximate solution."""
         levels = self._levels
         rights = [right, *(level.right for level in levels[1:])]
