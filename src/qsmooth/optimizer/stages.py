@@ -20,11 +20,13 @@ SETTLED = 1e-5
 # Before the worst cells are seen to, the mean gets this many rounds, or settles to this.
 MEAN_ROUNDS = 12
 MEAN_GAIN = 1e-4
-# Sweeps that still gain this much in a round, but for the first few, creep: a whole region has to
-# move. So do those that have gained less than this since the stage began: then they are stuck.
-CREEPING, FIRST_ROUNDS = 2e-3, 1
-# Of a Newton step on the whole mesh the energy may rise by this fraction, if a round of sweeps then
-# brings it below what it was. After each one that it does not the next are waited for longer.
+# After the first rounds a Newton step on the whole mesh is tried while a round gains more than
+# `MEAN_GAIN`: the larger the region that has to move, the less do sweeps. Where a round gains less
+# than this with a step the next ones are waited for longer and longer; one is tried in the end where
+# no more than this has been gained at all.
+FIRST_ROUNDS, CREEPING = 1, 2e-3
+# Of such a step the energy may rise by this fraction, if a round of sweeps then brings it below
+# what it was.
 RISE = 0.5
 # Where the mean shape has fallen below this fraction of its best the coordinates of that are gone
 # back to.
@@ -83,7 +85,8 @@ def improve_mean(
         lanes.newton(xy, no_wall, progress, extrapolate=not stepped)
         rounds += 1
         before, energy = energy, _total(lanes.energy(xy)[1])
-        if stepped and not whole.judge(xy, energy < before):
+        gain = 1.0 - energy / before if before else 0.0
+        if stepped and not whole.judge(xy, gain):
             energy = before
             continue
         shape = best.offer(xy, by_mean=not worst).shape
@@ -93,11 +96,11 @@ def improve_mean(
             best_shape, since, best_xy[:] = shape, 0, xy
         else:
             since += 1
-        creeping = rounds > FIRST_ROUNDS and energy < before * (1.0 - CREEPING)
-        over = energy >= before * (1.0 - settled) or (worst and rounds >= MEAN_ROUNDS)
-        if since >= MEAN_ROUNDS or (over and stuck and not creeping):
+        creeping = rounds > FIRST_ROUNDS and gain > MEAN_GAIN
+        over = gain <= settled or (worst and rounds >= MEAN_ROUNDS and gain <= CREEPING)
+        if since >= MEAN_ROUNDS or (over and stuck):
             break
-        if over and not creeping:
+        if over:
             stuck = energy >= start * (1.0 - CREEPING) or lanes.kept_back(xy) > KEPT_BACK
             if not stuck:
                 break
@@ -138,14 +141,15 @@ class _WholeMesh:
             self._put_off()
         return taken
 
-    def judge(self, xy: FloatArray, better: bool) -> bool:
-        """Go back to before the last step unless it is better with the sweeps since; say which."""
-        if better:
+    def judge(self, xy: FloatArray, gain: float) -> bool:
+        """Say whether the last step and the sweeps since have gained anything; else go back."""
+        if gain > CREEPING:
             self._waits = 0
         else:
-            xy[:] = self._before
             self._put_off()
-        return better
+        if gain <= 0.0:
+            xy[:] = self._before
+        return gain > 0.0
 
     def _put_off(self) -> None:
         self._wait = self._waits = 2 * self._waits + 1
