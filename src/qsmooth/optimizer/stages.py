@@ -21,9 +21,9 @@ SETTLED = 1e-5
 MEAN_ROUNDS = 12
 MEAN_GAIN = 1e-4
 # After the first rounds a Newton step on the whole mesh is tried while a round gains more than
-# `MEAN_GAIN`: the larger the region that has to move, the less do sweeps. Where a round gains less
-# than this with a step the next ones are waited for longer and longer; one is tried in the end where
-# no more than this has been gained at all.
+# `MEAN_GAIN`: the larger the region that has to move, the less do sweeps. Where a round with a step
+# gains less than this the next steps are waited for longer and longer. One is tried in the end
+# where no more than this has been gained at all.
 FIRST_ROUNDS, CREEPING = 1, 2e-3
 # Of such a step the energy may rise by this fraction, if a round of sweeps then brings it below
 # what it was.
