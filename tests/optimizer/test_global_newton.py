@@ -15,7 +15,7 @@ from qsmooth.optimizer import global_newton
 from qsmooth.optimizer.global_newton import GlobalNewton
 from qsmooth.optimizer.lanes import Lanes
 from qsmooth.outcome import Aim
-from qsmooth.targets import ideal
+from qsmooth.targets import ideal, with_sizes
 
 
 def asked(mesh):
@@ -101,13 +101,19 @@ def test_a_step_has_the_same_bits_in_any_order_inside():
     assert ends[0] == ends[1]
 
 
+@pytest.mark.parametrize("sized", [False, True])
 @pytest.mark.parametrize("unit", [2.0**-70, 2.0**70])
-def test_a_step_is_the_same_in_any_unit(unit):
-    mesh = warped()
-    one, other = mesh.xy.copy(), unit * mesh.xy
-    solver(mesh).step(one)
-    solver(mesh.with_points(other)).step(other)
-    assert other.tobytes() == (unit * one).tobytes()
+def test_a_step_is_the_same_in_any_unit(unit, sized):
+    mesh, ends = warped(), []
+    for scale in (1.0, unit):
+        scaled = mesh.with_points(scale * mesh.points)
+        lanes, xy = lanes_of(scaled), scaled.xy.copy()
+        if sized:
+            lanes.aim_at(with_sizes(ideal(mesh.topology), mesh.topology, xy, 1.0))
+            assert lanes.sizes[:, 1].all()
+        assert solver_of(lanes).step(xy) > 0.0
+        ends.append(xy / scale)
+    assert ends[0].tobytes() == ends[1].tobytes()
 
 
 def test_a_step_goes_where_a_solution_to_the_last_digit_does(monkeypatch):

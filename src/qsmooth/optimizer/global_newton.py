@@ -14,10 +14,9 @@ from qsmooth.optimizer.multigrid import Multigrid
 from qsmooth.sums import exact_sum
 from qsmooth.topology import Topology
 
-# The solver stops at this residual: the step need not be better than its linear model, and what is
-# left is smooth nowhere but where sweeps see to it.
-TOLERANCE = 1e-1
-MOST_ITERATIONS = 30
+# The solver stops where so small a share of what the step promises is left: it need not be better
+# than its linear model, and what is left is what sweeps see to.
+TOLERANCE, MOST_ITERATIONS = 1e-1, 30
 # Shares of a step that are tried one after the other.
 SHARES = (1.0, 0.5, 0.25, 0.06, 0.015, 4e-3, 1e-3)
 # Vertices of cells that a step would make worse than what is held are put back so often before a
@@ -113,10 +112,10 @@ class GlobalNewton:
 
         # The energy is the same in any unit; single precision is not.
         unit = math.ldexp(1.0, math.frexp(float(np.ptp(xy, axis=0).max()))[1])
-        values = self._solver.values.reshape(-1, 2, 2)
+        corners, sizes, maps = self._targets
         assemble(
-            xy / unit, *self.topology.cells, self._cells, self.unknown, *self._graph,
-            *self._targets, self._gradient, values,
+            xy / unit, *self.topology.cells, self._cells, self.unknown, *self._graph, corners,
+            sizes * (unit**2, 1.0), maps, self._gradient, self._solver.values.reshape(-1, 2, 2),
         )  # fmt: skip
         self._solver.prepare()
         return self._solver.solve(-self._gradient, TOLERANCE, MOST_ITERATIONS) * unit

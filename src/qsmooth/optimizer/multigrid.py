@@ -158,7 +158,8 @@ class Multigrid:
 
         finest, products = self._levels[0], np.empty(MOST_CHUNKS)
         x, residual, image = np.zeros_like(right), right.copy(), np.empty_like(right)
-        rounded, direction = right.astype(np.float32), np.zeros_like(right)
+        with np.errstate(over="ignore"):
+            rounded, direction = right.astype(np.float32), np.zeros_like(right)
         before, fallen = 0.0, 0.0
         for self.iterations in range(1, most + 1):
             downhill = self._cycle(rounded)
