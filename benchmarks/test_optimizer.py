@@ -20,6 +20,7 @@ from qsmooth.kernels.stars import NO_VERTEX
 from qsmooth.kernels.untangle_sweep import untangle_sweep
 from qsmooth.optimizer.caps import FREE
 from qsmooth.optimizer.extrapolation import Extrapolation
+from qsmooth.optimizer.global_newton import GlobalNewton
 from qsmooth.optimizer.lanes import Lanes
 from qsmooth.optimizer.look import Look
 from qsmooth.targets import ideal, learned
@@ -358,6 +359,55 @@ def test_heights_of_layers(benchmark, note, smoke, threads):
     with use_threads(threads):
         match_heights(*stacks, walls, heights, ones, 8, out)
         benchmark(match_heights, *stacks, walls, heights, ones, 8, out)
+
+
+# ------------------------------------------------------------------------------- the whole mesh
+
+BUMPS = {"24K": 155, "250K": 500, "1M": 1000}
+
+
+@pytest.fixture(params=BUMPS)
+def bump(request, smoke):
+    """A region that has to move as a whole; the larger ones for --full."""
+    if request.param != "24K" and not request.config.getoption("full", default=False):
+        pytest.skip("only with --full")
+    return examples.bump(24 if smoke else BUMPS[request.param])
+
+
+def _whole_mesh(mesh, threads):
+    """Steps on the whole mesh, and a sweep to set beside them."""
+    lanes = Lanes(mesh.topology, mesh.topology.schedule(), threads_for(threads, mesh.n_vertices))
+    lanes.aim_at(ideal(mesh.topology))
+    args = lanes.stars, lanes.targets.corners, lanes.sizes, lanes.maps, lanes.caps
+    xy, wall = mesh.xy.copy(), Wall(1.0, math.inf, 1)
+    sweep = lanes._sweep(xy, wall, lanes.caps.swept, lanes._moves.lengths)
+    return lambda: GlobalNewton(mesh.topology, *args), lambda: sweep((0, lanes.n_colours))
+
+
+def _seconds(run):
+    start = time.perf_counter()
+    run()
+    return time.perf_counter() - start
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("part", ["set-up", "step"])
+def test_whole_mesh(benchmark, bump, note, print_ratio, smoke, part, threads):
+    """A Newton step on the whole mesh, and what it takes once per call; a sweep beside it."""
+    note(bump, threads)
+    set_up, sweep = _whole_mesh(bump, threads)
+    with use_threads(threads):
+        steps = set_up()
+        steps.step(bump.xy.copy())
+        run = set_up if part == "set-up" else (lambda: steps.step(bump.xy.copy()))
+        benchmark.pedantic(run, rounds=1 if smoke else 5)
+        one = min(_seconds(sweep) for _ in range(3))
+    if not smoke:
+        seconds = benchmark.stats.stats.min
+        print_ratio(
+            f"whole mesh, {part}, {bump.n_vertices} vertices, {threads} threads: {seconds:.3f} s, "
+            f"{1e6 * seconds / bump.n_vertices:.2f} µs a vertex, {seconds / one:.0f} sweeps"
+        )
 
 
 # ------------------------------------------------------------------------------- whole calls

@@ -15,4 +15,6 @@ BlockArray: TypeAlias = npt.NDArray[np.uint64]
 ColourArray: TypeAlias = npt.NDArray[np.int8]
 # Moves that are noted for later, as shares of a length; what they are for needs no more digits.
 MoveArray: TypeAlias = npt.NDArray[np.float32]
+# Values of a matrix that only has to show the way, and vectors that go with it.
+SingleArray: TypeAlias = npt.NDArray[np.float32]
 BoolArray: TypeAlias = npt.NDArray[np.bool_]

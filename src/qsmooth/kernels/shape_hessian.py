@@ -13,8 +13,9 @@ import math
 
 import numpy as np
 
-from qsmooth._types import FloatArray, IndexArray
+from qsmooth._types import FloatArray, IndexArray, SingleArray, TableArray
 from qsmooth.kernels._jit import helper, kernel
+from qsmooth.kernels.aggregation import sorted_rows
 from qsmooth.kernels.corner_energy import Target
 
 ROOT_HALF = math.sqrt(0.5)
@@ -29,7 +30,7 @@ def block_pattern(
     star_offsets: IndexArray,
     star_cells: IndexArray,
     vertices: IndexArray,
-) -> tuple[IndexArray, IndexArray]:
+) -> tuple[IndexArray, TableArray]:
     """Rows of the block matrix that couples the movable vertices of a cell with each other.
 
     Parameters
@@ -46,7 +47,7 @@ def block_pattern(
     """
     offsets = np.zeros(n_unknown + 1, np.int64)
     seen = np.full(n_unknown, -1, np.int64)
-    columns = np.empty(0, np.int64)
+    columns = np.empty(0, np.uint32)
     for phase in range(2):
         seen[:] = -1
         for r in range(n_unknown):
@@ -63,11 +64,9 @@ def block_pattern(
                         count += 1
             if phase == 0:
                 offsets[r + 1] = offsets[r] + count
-            else:
-                columns[offsets[r] : offsets[r + 1]].sort()
         if phase == 0:
-            columns = np.empty(offsets[-1], np.int64)
-    return offsets, columns
+            columns = np.empty(offsets[-1], np.uint32)
+    return offsets, sorted_rows(offsets, columns)
 
 
 @helper()
@@ -199,12 +198,12 @@ def assemble(
     cells: IndexArray,
     unknown: IndexArray,
     offsets: IndexArray,
-    columns: IndexArray,
+    columns: TableArray,
     targets: FloatArray,
     sizes: FloatArray,
     maps: FloatArray,
     gradient: FloatArray,
-    values: FloatArray,
+    values: SingleArray,
 ) -> None:
     """Sum the corners' derivatives into the gradient and the block matrix of the mesh.
 

@@ -2,35 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+import math
 
 import numpy as np
 
 from qsmooth._types import FloatArray
+from qsmooth.kernels.graphs import Graph
 from qsmooth.kernels.stars import Stars
 from qsmooth.optimizer.caps import Caps
+from qsmooth.optimizer.multigrid import Multigrid
 from qsmooth.sums import exact_sum
 from qsmooth.topology import Topology
 
-if TYPE_CHECKING:
-    from scipy.sparse import bsr_matrix
-
-# Up to so many movable vertices a sparse LU is quicker than conjugate gradients with multigrid,
-# whose cost grows with the count alone (24K vertices .4 s against .6 s, 250K 16 s against 6 s).
-DIRECT_UP_TO = 50_000
-# The diagonal grows by this fraction, so that a semi-definite matrix can be factorised.
-SHIFT = 1e-8
-# Conjugate gradients stop at this residual: the step need not be better than its linear model.
-TOLERANCE = 1e-2
-MOST_ITERATIONS = 100
-# A step that does not lower the energy is halved this often.
-HALVINGS = 12
-# Vertices of cells that a step would make worse than what is held are put back so often before the
-# step is halved; those in so many rings around take less of it than they would.
-PUT_BACK = 6
-GRADED_RINGS = 8
+# The solver stops where so small a share of what the step promises is left: it need not be better
+# than its linear model, and what is left is what sweeps see to.
+TOLERANCE, MOST_ITERATIONS = 1e-1, 30
+# Shares of a step that are tried one after the other.
+SHARES = (1.0, 0.5, 0.25, 0.06, 0.015, 4e-3, 1e-3)
+# Vertices of cells that a step would make worse than what is held are put back so often before a
+# smaller share is tried, unless there are then more such cells than there were, by this factor;
+# those in so many rings around take less of it than they would.
+PUT_BACK, MORE = 6, 1.2
+TAPERED_RINGS = 8
 
 
 class GlobalNewton:
@@ -58,78 +51,93 @@ class GlobalNewton:
         maps: FloatArray,
         caps: Caps,
     ) -> None:
+        from qsmooth.kernels.aggregation import UNNUMBERED, breadth_first
         from qsmooth.kernels.shape_hessian import block_pattern
 
         self.topology, self._targets = topology, (corners, sizes, maps)
         self._forbidden = caps.forbidden
-        self.vertices = stars.vertices.astype(np.int64)
+        moving = stars.vertices.astype(np.int64)
         if caps.lost.any():
             lost = topology.cell_vertices[np.repeat(caps.lost, topology.cell_sizes)]
-            self.vertices = np.setdiff1d(self.vertices, lost)
-        # In the caller's order, as are the cells that are summed up: solutions depend on it.
-        self.vertices = self.vertices[np.argsort(topology.vertex_ids[self.vertices])]
-        self._cells = np.argsort(topology.cell_ids)
+            moving = np.setdiff1d(moving, lost)
+        # From the caller's order, as are stars: solutions depend on it.
+        moving = moving[np.argsort(topology.vertex_ids[moving])]
         self.unknown = np.full(topology.n_vertices, -1, np.int64)
-        self.unknown[self.vertices] = np.arange(self.vertices.size)
-        self.offsets, self.columns = block_pattern(
-            self.unknown, self.vertices.size, *topology.cells, topology.star_offsets,
-            topology.star_cells, self.vertices,
-        )  # fmt: skip
-        self._values = np.empty((self.columns.size, 2, 2))
-        self._gradient = np.empty((self.vertices.size, 2))
+        self.unknown[moving] = UNNUMBERED
+        self.vertices, cells = np.empty_like(moving), np.empty(topology.n_cells, np.int64)
+        stars_of = topology.star_offsets, topology.star_cells
+        n_cells = breadth_first(
+            moving, *stars_of, *topology.cells, self.unknown, self.vertices, cells
+        )
+        self._cells = cells[:n_cells]
+        pattern = self.unknown, moving.size, *topology.cells, *stars_of, self.vertices
+        self._graph = Graph(*block_pattern(*pattern))
+        self._solver = Multigrid(self._graph)
+        self._gradient = np.empty((moving.size, 2))
 
-    def step(self, xy: FloatArray) -> float:
+    def step(self, xy: FloatArray, rise: float = 0.0) -> float:
         """Take one step downhill on the mean shape, in place.
 
         Vertices of cells that would be forbidden stay, and those around them, until none is.
+
+        Parameters
+        ----------
+        rise
+            By so large a fraction the energy may rise, for sweeps to bring it down again.
 
         Returns
         -------
         float
             The fraction by which the energy fell; 0 where no step was found.
         """
-        from qsmooth.kernels.shape_hessian import assemble
-
         if not self.vertices.size:
             return 0.0
-        assemble(
-            xy, *self.topology.cells, self._cells, self.unknown, self.offsets, self.columns,
-            *self._targets, self._gradient, self._values,
-        )  # fmt: skip
-        size = 2 * self.vertices.size
-        from scipy.sparse import bsr_matrix
-
-        matrix = bsr_matrix((self._values, self.columns, self.offsets), shape=(size, size))
-        with _one_thread():
-            direction = _solve(matrix, -self._gradient.ravel()).reshape(-1, 2)
+        direction = self._direction(xy)
         if not np.isfinite(direction).all():
             return 0.0
         before = self.energy(xy)
         trial = xy.copy()
-        for k in range(HALVINGS):
-            if not self._allowed(xy, 0.5**k * direction, trial):
+        for share in SHARES:
+            if not self._allowed(xy, share * direction, trial):
                 continue
             after = self.energy(trial)
-            if after < before:
+            if after < before * (1.0 + rise):
                 xy[:] = trial
                 return 1.0 - after / before
         return 0.0
 
+    def _direction(self, xy: FloatArray) -> FloatArray:
+        """Solve for the step, roughly, (n_unknown, 2)."""
+        from qsmooth.kernels.shape_hessian import assemble
+
+        # The energy is the same in any unit; single precision is not.
+        unit = math.ldexp(1.0, math.frexp(float(np.ptp(xy, axis=0).max()))[1])
+        corners, sizes, maps = self._targets
+        assemble(
+            xy / unit, *self.topology.cells, self._cells, self.unknown, *self._graph, corners,
+            sizes * (unit**2, 1.0), maps, self._gradient, self._solver.values.reshape(-1, 2, 2),
+        )  # fmt: skip
+        self._solver.prepare()
+        return self._solver.solve(-self._gradient, TOLERANCE, MOST_ITERATIONS) * unit
+
     def _allowed(self, xy: FloatArray, direction: FloatArray, trial: FloatArray) -> bool:
         """Fill in the step, with vertices of forbidden cells put back; whether that was enough."""
-        offsets, vertices = self.topology.cells
-        counts = np.diff(offsets)
-        share = np.ones(self.topology.n_vertices)
+        from qsmooth.kernels.taper import taper
+
+        topology, at = self.topology, self.vertices
+        share, most = np.ones(topology.n_vertices), math.inf
         for _ in range(PUT_BACK):
-            trial[self.vertices] = xy[self.vertices] + share[self.vertices, None] * direction
+            trial[at] = xy[at] + share[at, None] * direction
             cells = self._forbidden(trial)
-            if not cells.any():
+            count = int(cells.sum())
+            if count == 0:
                 return True
-            share[vertices[np.repeat(cells, counts)]] = 0.0
+            if count > most:
+                return False
+            most = min(most, MORE * count)
             # Those around them less and less, or the cells between would be drawn out.
-            for _ in range(GRADED_RINGS):
-                least = np.minimum.reduceat(share[vertices], offsets[:-1]) + 1.0 / GRADED_RINGS
-                np.minimum.at(share, vertices, np.repeat(least, counts))
+            stars = topology.star_offsets, topology.star_cells
+            taper(cells, TAPERED_RINGS, *topology.cells, *stars, share)
         return False
 
     def energy(self, xy: FloatArray) -> float:
@@ -142,49 +150,3 @@ class GlobalNewton:
         cell_energy(xy, *topology.cells, movable, *self._targets, worst, total)
         total *= np.where(topology.cell_sizes == 3, 1.0, 4.0)
         return exact_sum(total)
-
-
-def _solve(matrix: bsr_matrix, right: FloatArray) -> FloatArray:
-    """Solve a symmetric, positive semi-definite system of 2 by 2 blocks."""
-    import scipy.sparse
-    import scipy.sparse.linalg
-
-    diagonal = matrix.diagonal()
-    if diagonal.size <= 2 * DIRECT_UP_TO:
-        shifted = matrix.tocsc() + scipy.sparse.diags(SHIFT * diagonal, format="csc")
-        factors = scipy.sparse.linalg.splu(
-            shifted,
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )
-        solution: FloatArray = factors.solve(right)
-        return solution
-    import pyamg
-
-    # What stiff regions can hardly resist: moving as a whole, along x or y.
-    translations = np.tile(np.eye(2), (diagonal.size // 2, 1))
-    with _fixed_random():
-        levels = pyamg.smoothed_aggregation_solver(matrix, B=translations, max_coarse=500)
-        solved: FloatArray = levels.solve(right, tol=TOLERANCE, maxiter=MOST_ITERATIONS, accel="cg")
-    return solved
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """Hold the linear algebra libraries to one thread: sums then have one order everywhere."""
-    from threadpoolctl import threadpool_limits
-
-    with threadpool_limits(limits=1):
-        yield
-
-
-@contextmanager
-def _fixed_random() -> Iterator[None]:
-    """Let pyamg's estimates of eigenvalues start from the same vectors each time."""
-    state: Any = np.random.get_state()  # noqa: NPY002 (pyamg draws from the global generator)
-    np.random.seed(0)  # noqa: NPY002
-    try:
-        yield
-    finally:
-        np.random.set_state(state)  # noqa: NPY002

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 
 from qsmooth._types import FloatArray
-from qsmooth.optimizer.best import LEAST_GAIN, Best
+from qsmooth.optimizer.best import Best
 from qsmooth.optimizer.caps import HOLDABLE
+from qsmooth.optimizer.global_newton import GlobalNewton
 from qsmooth.optimizer.lanes import Lanes
 from qsmooth.optimizer.progress import Progress
 from qsmooth.sums import exact_sum
@@ -18,16 +20,17 @@ SETTLED = 1e-5
 # Before the worst cells are seen to, the mean gets this many rounds, or settles to this.
 MEAN_ROUNDS = 12
 MEAN_GAIN = 1e-4
-# Sweeps that still gain this much a round after those rounds creep: a whole region has to move.
-# Then at most so many Newton steps on the whole mesh, while each gains more than this.
-CREEPING = 2e-3
-GLOBAL_STEPS = 24
-GLOBAL_GAIN = 2e-2
+# After the first rounds a Newton step on the whole mesh is tried while a round gains more than
+# `MEAN_GAIN`: the larger the region that has to move, the less do sweeps. Where a round with a step
+# gains less than this the next steps are waited for longer and longer. One is tried in the end
+# where no more than this has been gained at all.
+FIRST_ROUNDS, CREEPING = 1, 2e-3
+# Of such a step the energy may rise by this fraction, if a round of sweeps then brings it below
+# what it was.
+RISE = 0.5
 # Where the mean shape has fallen below this fraction of its best the coordinates of that are gone
 # back to.
 NEARLY = 0.99
-# Steps in a row that may cost the mean of the shapes.
-STEP_PATIENCE = 3
 # The same where a sweep would gain this fraction of the energy if nothing were held.
 KEPT_BACK = 2e-2
 # The walls put up one after the other: power 2 ** squarings, and where each stands as a fraction of
@@ -72,14 +75,20 @@ def improve_mean(
     from qsmooth.kernels.newton_sweep import Wall
 
     settled = MEAN_GAIN if worst else SETTLED
-    no_wall = Wall(1.0, np.inf, 1)
+    no_wall, whole = Wall(1.0, np.inf, 1), _WholeMesh(lanes)
     energy, rounds = np.inf, 0
     start = _total(lanes.energy(xy)[1])
     best_shape, since, best_xy = 0.0, 0, xy.copy()
+    creeping, stuck = False, False
     while not progress.spent() and not best.good_enough():
-        lanes.newton(xy, no_wall, progress, extrapolate=True)
+        stepped = (creeping or stuck) and whole.step(xy, progress)
+        lanes.newton(xy, no_wall, progress, extrapolate=not stepped)
         rounds += 1
         before, energy = energy, _total(lanes.energy(xy)[1])
+        gain = 1.0 - energy / before if before else 0.0
+        if stepped and not whole.judge(xy, gain):
+            energy = before
+            continue
         shape = best.offer(xy, by_mean=not worst).shape
         # The energy counts bad cells for more than the mean of the shapes does: where the one
         # falls at the other's cost there is no more to gain here.
@@ -87,24 +96,63 @@ def improve_mean(
             best_shape, since, best_xy[:] = shape, 0, xy
         else:
             since += 1
-        due = rounds % MEAN_ROUNDS == 0
-        if energy >= before * (1.0 - settled) or since >= MEAN_ROUNDS:
-            due, over = True, True
-        else:
-            over = worst and due
-        if not due:
-            continue
-        creeping = energy < before * (1.0 - CREEPING) or energy >= start * (1.0 - CREEPING)
-        if creeping or lanes.kept_back(xy) > KEPT_BACK:
-            _global_steps(lanes, xy, best, progress, by_mean=not worst)
-            before, energy = energy, _total(lanes.energy(xy)[1])
-            if energy < before * (1.0 - CREEPING):
-                start, since = energy, 0
-                continue
-        if over:
+        creeping = rounds > FIRST_ROUNDS and gain > MEAN_GAIN
+        over = gain <= settled or (worst and rounds >= MEAN_ROUNDS and gain <= CREEPING)
+        if since >= MEAN_ROUNDS or (over and stuck):
             break
+        if over:
+            stuck = energy >= start * (1.0 - CREEPING) or lanes.kept_back(xy) > KEPT_BACK
+            if not stuck:
+                break
+        else:
+            stuck = False
     if best.last.shape < NEARLY * best_shape:
         xy[:] = best_xy
+
+
+class _WholeMesh:
+    """Newton steps on the whole mesh, set up when first wanted.
+
+    Parameters
+    ----------
+    lanes
+        What moves, and what is asked of it.
+    """
+
+    def __init__(self, lanes: Lanes) -> None:
+        self._lanes, self._wait, self._waits = lanes, 0, 0
+
+    @cached_property
+    def _newton(self) -> GlobalNewton:
+        lanes = self._lanes
+        return GlobalNewton(
+            lanes.topology, lanes.stars, lanes.targets.corners, lanes.sizes, lanes.maps, lanes.caps
+        )
+
+    def step(self, xy: FloatArray, progress: Progress) -> bool:
+        """Take a step if it is time to, in place; say whether."""
+        if self._wait:
+            self._wait -= 1
+            return False
+        self._before = xy.copy()
+        taken = self._newton.step(xy, RISE) != 0.0
+        progress.steps += taken
+        if not taken:
+            self._put_off()
+        return taken
+
+    def judge(self, xy: FloatArray, gain: float) -> bool:
+        """Say whether the last step and the sweeps since have gained anything; else go back."""
+        if gain > CREEPING:
+            self._waits = 0
+        else:
+            self._put_off()
+        if gain <= 0.0:
+            xy[:] = self._before
+        return gain > 0.0
+
+    def _put_off(self) -> None:
+        self._wait = self._waits = 2 * self._waits + 1
 
 
 def mend_worst(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> None:
@@ -202,32 +250,6 @@ def _relax(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress, low: fl
         else:
             xy[:] = best.xy
             weight, patience = RELAX_LESS * weight, patience - 1
-
-
-def _global_steps(
-    lanes: Lanes, xy: FloatArray, best: Best, progress: Progress, *, by_mean: bool
-) -> None:
-    """Take Newton steps on all vertices at once while each pays."""
-    from qsmooth.optimizer.global_newton import GlobalNewton
-
-    solver = GlobalNewton(
-        lanes.topology, lanes.stars, lanes.targets.corners, lanes.sizes, lanes.maps, lanes.caps
-    )
-    trial, shape, count, patience = xy.copy(), best.best_shape - LEAST_GAIN, 0, STEP_PATIENCE
-    while count < GLOBAL_STEPS and patience and not progress.spent():
-        gain = solver.step(trial)
-        if gain == 0.0:
-            break
-        # The sum of f counts bad cells for more than the mean of the shapes 1 / f does: steps that
-        # serve the first at the second's cost do not pay.
-        now = best.offer(trial, by_mean=by_mean)
-        count += 1
-        patience -= 1
-        if now.shape >= shape:
-            xy[:], shape, patience = trial, now.shape, STEP_PATIENCE
-        if gain < GLOBAL_GAIN:
-            break
-    progress.steps += count
 
 
 def _total(energy: FloatArray) -> float:
