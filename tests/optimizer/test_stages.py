@@ -86,14 +86,14 @@ def test_where_the_worst_can_gain_no_more_the_next_worst_get_their_turn(monkeypa
     run.lanes.caps.hold(run.best.xy, HOLDABLE)
     stages._even_out(run.lanes, run.best.xy.copy(), run.best, run.progress, 0.0)
     new = run.quality()
-    assert np.percentile(new.min_angle, 1.0) > np.percentile(old.min_angle, 1.0) + 0.3
+    assert np.percentile(new.min_angle, 1.0) > np.percentile(old.min_angle, 1.0) + 0.5
     assert new.shape.mean() >= old.shape.mean() * (1.0 - stages.EVEN_LOSS)
     assert no_worse(old, new)
     assert run.best.figures.overall > figures.overall
     # And they keep it when the mean gets back what it can.
     run = Run(bad_corners_that_stay())
     run.mend()
-    assert np.percentile(run.quality().min_angle, 1.0) > np.percentile(old.min_angle, 1.0) + 0.3
+    assert np.percentile(run.quality().min_angle, 1.0) > np.percentile(old.min_angle, 1.0) + 0.5
     assert no_worse(old, run.quality())
 
 

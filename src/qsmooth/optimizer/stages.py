@@ -46,7 +46,7 @@ SIZED_GAIN = 3.2e-4
 LAST_WALLS, LOOSER = 3, 3.0
 # Then these walls stand by the worst cell of so many rings, for so many rounds each; they may cost
 # the mean this fraction; and no shape is to be worse than this multiple of the worst one.
-EVEN_WALLS, EVEN_RINGS, EVEN_ROUNDS, EVEN_LOSS, EVEN_SLIM = 2, 10, 3, 5e-3, 0.82
+EVEN_WALLS, EVEN_RINGS, EVEN_ROUNDS, EVEN_LOSS, EVEN_SLIM = 2, 10, 3, 5e-3, 0.85
 # Rounds at most in which the mean gets back what the worst cells do not need, what a round must
 # gain for another, and how much the mean counts beside the wall.
 RELAX_ROUNDS, RELAX_GAIN, RELAX_WEIGHT = 12, 1e-4, 11.0
