@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -16,7 +16,7 @@ from qsmooth.methods.driver import invalid_cells, stored
 from qsmooth.metrics import Quality
 from qsmooth.metrics.bounds import angle_limits
 from qsmooth.numbering import Inside
-from qsmooth.optimizer.best import MEAN_LOSS, Best
+from qsmooth.optimizer.best import LEAST_GAIN, MEAN_LOSS, Best
 from qsmooth.optimizer.ground import Ground, targets_inside
 from qsmooth.optimizer.judgement import judged
 from qsmooth.optimizer.lanes import Lanes
@@ -100,7 +100,7 @@ class _Staged(Method):
             with engine.running():
                 found = self.stages(ground, before, progress)
                 result = stored(mesh, inside.back(found.xy))
-                after = inside.quality(result)
+                after = before if result is mesh else inside.quality(result)
             bounds = self.bounds(inside, result)
         invalid = with_proof(invalid_cells(before, after), mesh.topology, result.xy, movable)
         seconds = progress.seconds
@@ -241,9 +241,12 @@ class Optimize(_Staged):
 
     def stages(self, ground: Ground, before: Quality, progress: Progress) -> _Found:
         """Untangle, improve the mean, mend the worst cells; keep the best that was seen."""
-        inside, lanes = ground.inside, ground.lanes
+        inside = ground.inside
         xy = inside.at_vertices(inside.mesh.xy)
-        meant = xy
+        if not self.max_sweeps:
+            progress.spent()
+            return _Found(xy)
+        lanes, meant = ground.lanes, xy
         if before.n_invalid:
             if before.n_invalid <= FEW_INVALID * lanes.topology.n_cells:
                 meant = xy.copy()  # untangling may move far more than what is invalid
@@ -253,7 +256,8 @@ class Optimize(_Staged):
         start = xy.copy()
         with progress.stage(Aim.MEAN_SHAPE):
             best, xy = self._improved(lanes, inside, xy, meant, progress)
-        if self.worst and not self._by_metric and not best.good_enough():
+        by_walls = self.worst and not self._by_metric
+        if by_walls and not (best.good_enough() or self._nothing_to_gain(lanes, best)):
             with progress.stage(Aim.WORST_CELLS):
                 mend_worst(lanes, xy, best, progress)
         best.settle()
@@ -281,7 +285,7 @@ class Optimize(_Staged):
         """Say where what is held kept a run that was not cut short from something better."""
         from qsmooth.kernels.newton_sweep import Wall
 
-        if progress.stop is not None or best.good_enough():
+        if progress.stop is not None or best.good_enough() or self._nothing_to_gain(lanes, best):
             return ()
         lanes.caps.hold(start, self.hold, angles=not self._by_metric)
         worst = lanes.energy(best.xy)[0].max(initial=1.0)
@@ -312,6 +316,8 @@ class Optimize(_Staged):
             targets = targets_inside(targets, inside)
             best, xy = self._aimed(lanes, targets, start, progress, keep_mean)
             runs.append((best.figures.plain_shape, targets, best, xy))
+            if self._nothing_to_gain(lanes, best) and CLEARLY * best.figures.plain_shape > 1.0:
+                break
         if callable(self.target):
             for _ in range(ASKINGS):
                 _, old, best, xy = runs[-1]
@@ -347,8 +353,19 @@ class Optimize(_Staged):
             enough=self.stop_quality,
             keep_mean=keep_mean,
         )
-        improve_mean(lanes, xy, best, progress, worst=self.worst)
+        if not self._nothing_to_gain(lanes, best):
+            improve_mean(lanes, xy, best, progress, worst=self.worst)
         return best, xy
+
+    def _nothing_to_gain(self, lanes: Lanes, best: Best) -> bool:
+        """Whether even perfect cells would not be worth moving a vertex for."""
+        if self._by_metric or best.given.n_invalid:
+            return False
+        angle = 90.0 if lanes.topology.n_quads else 60.0
+        perfect = replace(
+            best.given, free_jacobian=1.0, shape=1.0, least_shape=1.0, low_angle=angle
+        )
+        return perfect.gain(best.given) < LEAST_GAIN
 
     def _targets(self, mesh: Mesh, xy: FloatArray) -> tuple[list[Targets], bool]:
         """What cells may be meant to be, plain first, then learned where that differs; and whether
