@@ -83,7 +83,7 @@ class _Staged(Method):
 
     def run(self, mesh: Mesh, chosen: str = "") -> SmoothResult:
         """Go through the stages, and sum up."""
-        inside = Inside(mesh)
+        inside = Inside(mesh, kept=not self.max_sweeps)
         before = inside.quality(mesh)
         only, _ = self.selected(mesh)
         movable = mesh.topology.movable(self.keep_interfaces)
@@ -101,7 +101,7 @@ class _Staged(Method):
                 found = self.stages(ground, before, progress)
                 result = stored(mesh, inside.back(found.xy))
                 after = before if result is mesh else inside.quality(result)
-            bounds = self.bounds(inside, result)
+            bounds = self.bounds(inside, result, after)
         invalid = with_proof(invalid_cells(before, after), mesh.topology, result.xy, movable)
         seconds = progress.seconds
         stop = progress.stop or self.finished(found, invalid)
@@ -150,7 +150,7 @@ class _Staged(Method):
         """Why it stopped where what the caller allows was not used up."""
         raise NotImplementedError
 
-    def bounds(self, inside: Inside, result: Mesh) -> object:
+    def bounds(self, inside: Inside, result: Mesh, after: Quality) -> object:
         """Limits of the result's angles, where they belong to the outcome."""
         return None
 
@@ -403,10 +403,11 @@ class Optimize(_Staged):
         """Why it stopped where no limit of the caller was reached."""
         return Stop.STOP_QUALITY if found.good_enough else Stop.SETTLED
 
-    def bounds(self, inside: Inside, result: Mesh) -> object:
+    def bounds(self, inside: Inside, result: Mesh, after: Quality) -> object:
         """Limits of the result's angles."""
-        xy = inside.at_vertices(result.xy)
-        return angle_limits(inside.topology, xy, inside.topology.movable(self.keep_interfaces))
+        topology = inside.topology
+        movable = topology.movable(self.keep_interfaces)
+        return angle_limits(topology, inside.at_vertices(result.xy), movable, after)
 
 
 @dataclass(frozen=True, kw_only=True)
