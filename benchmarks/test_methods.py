@@ -11,6 +11,7 @@ import pytest
 
 from meshes import renumber, rough_grid
 from qsmooth import Mesh, smooth
+from qsmooth.examples import jittered
 from qsmooth.numbering import numbered
 from qsmooth.registry import methods
 
@@ -80,6 +81,32 @@ def test_random_numbering_over_good_numbering(benchmark, note, print_ratio, smok
     benchmark.pedantic(both, rounds=1 if smoke else 3)
     ratio = min(b / a for a, b in zip(seconds["good"], seconds["random"], strict=True))
     print_ratio(f"{name}, {len(cells[0])} quads: random over good numbering {ratio:.2f}")
+
+
+@pytest.mark.parametrize("name", ["star", "optimize"])
+def test_a_look_without_sweeps(benchmark, note, smoke, name):
+    """What a call costs beside its sweeps, on a mesh that is there: 4 ms is the target."""
+    mesh = Mesh(*rough_grid(20 if smoke else 155))
+    benchmark.pedantic(
+        smooth, (mesh, name), {"max_sweeps": 0}, rounds=1 if smoke else 20, warmup_rounds=1
+    )
+    note(mesh, 1, sweeps=0)
+
+
+def test_an_optimal_mesh_again(benchmark, note, print_ratio, smoke):
+    """Optimise, and optimise what came of it: a tenth of the time is the target."""
+    rough = jittered(*[20 if smoke else 155] * 2, seed=1)
+    smooth(rough, max_sweeps=20)  # compiled
+    start = time.perf_counter()
+    optimal = smooth(rough, threads=1).mesh
+    first = time.perf_counter() - start
+    result = benchmark.pedantic(
+        smooth, (optimal,), {"threads": 1}, rounds=1 if smoke else 5, warmup_rounds=1
+    )
+    note(optimal, 1, sweeps=result.sweeps)
+    start = time.perf_counter()
+    smooth(optimal, threads=1)
+    print_ratio(f"optimal again over first: {(time.perf_counter() - start) / first:.2f}")
 
 
 FIRST_CALL = """

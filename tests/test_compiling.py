@@ -32,15 +32,26 @@ def run(path, code, **environment):
 
 
 FIRST = """
-import json, time
+import gc, json, time
+from numba.core import codegen
+from numba.core.registry import cpu_target
 from qsmooth import examples, smooth
+from qsmooth.kernels._linking import WRAPS
 from qsmooth.kernels.compiling import compiled_kernels
+assembled, assemble = [], codegen.JITCodeLibrary._finalize_specific
+def note(library):
+    assembled.append(library.name)
+    assemble(library)
+codegen.JITCodeLibrary._finalize_specific = note
 mesh, out = examples.jittered(6, 6, seed=1), {}
 for threads in (1, 2):
     options = dict(max_sweeps=6, rtol=0.0, time_limit=0.2, threads=threads)
     result = smooth(mesh, "laplacian", **options)
     out[threads] = [result.outcome.stop.value, result.sweeps, compiled_kernels()]
     out["within"] = result.seconds < 0.2
+out["wraps"] = [name for name in assembled if name.startswith(WRAPS)], len(assembled) > 5
+made_by = cpu_target.target_context.codegen()
+out["left"] = made_by._library_class is codegen.JITCodeLibrary, gc.isenabled()
 print(json.dumps(out))
 """
 
@@ -55,6 +66,9 @@ def test_compiling_counts_in_no_limit_happens_once_and_is_told_of(tmp_path):
     # On two threads nothing more is compiled.
     assert found["2"] == [stop, sweeps, count]
     assert errors == "compiling, first time only\n"
+    # What wraps a parallel loop is only linked to its kernel, and Numba is left as it was.
+    assert found["wraps"] == [[], True]
+    assert found["left"] == [True, True]
 
 
 # A kernel of no more than it takes to see which form ran.

@@ -21,7 +21,9 @@ from qsmooth import (
     smooth,
     untangle,
 )
+from qsmooth.numbering import numbered
 from qsmooth.registry import all_methods, methods
+from qsmooth.topology import Topology
 
 pytestmark = pytest.mark.nojit
 
@@ -173,6 +175,17 @@ def test_no_sweep(known):
     assert np.array_equal(result.points, mesh.points)
     # Untangling has nothing to do here and is done; the others were not let to.
     assert result.outcome.stop is (Stop.VALID if known is Untangle else Stop.MAX_SWEEPS)
+
+
+@every_method
+def test_without_a_sweep_nothing_is_built_for_sweeps(known, monkeypatch):
+    def built(*_, **__):
+        raise AssertionError("a table for sweeps")
+
+    for name in ("schedule", "blocks", "along_curve"):
+        monkeypatch.setattr(Topology, name, built)
+    with numbered("curve"):
+        assert smooth(rough(), known(max_sweeps=0)).outcome.unchanged
 
 
 @every_method

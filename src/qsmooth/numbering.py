@@ -55,6 +55,8 @@ class Inside:
         As the caller has it.
     like
         Take the order of its vertices; else that is chosen.
+    kept
+        Keep the caller's order: another one does not pay for a look or two.
 
     Attributes
     ----------
@@ -64,8 +66,10 @@ class Inside:
         Its cells in the order inside.
     """
 
-    def __init__(self, mesh: Mesh, like: Inside | None = None) -> None:
+    def __init__(self, mesh: Mesh, like: Inside | None = None, *, kept: bool = False) -> None:
         self.mesh, self.topology = mesh, mesh.topology
+        if kept:
+            return
         if like is not None:
             if like.topology.is_renumbered:
                 self.topology = mesh.topology.renumbered(like.topology.vertex_ids)

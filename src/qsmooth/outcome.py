@@ -256,9 +256,10 @@ class Outcome:
     cut
         How quads were cut in two, where they were.
     target
-        What cells were meant to be, and how near they are; None of methods without such an aim.
+        What cells were meant to be, and how near they are; None of methods without such an aim, and
+        where no sweep was allowed.
     sizes
-        What became of the cells' sizes; None of methods without such an aim.
+        What became of the cells' sizes; None where there is no target.
     limits
         Provable bounds of the angles, `qsmooth.Limits`, where the method works them out.
     """

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import promises
 from meshes import KINDS, grid, place, random_mesh, tangle
-from qsmooth import Optimize, Stop, limits, quality, read_mesh, smooth
+from qsmooth import Mesh, Optimize, Stop, limits, quality, read_mesh, smooth
 from qsmooth.examples import (
     boundary_layer,
     bump,
@@ -38,6 +38,21 @@ def test_a_grid_of_squares_comes_back_no_worse():
     mesh = structured(3, 3)
     result = promises.check(mesh, Optimize(max_sweeps=30)).result
     assert np.array_equal(result.points, mesh.points)
+
+
+@pytest.mark.nojit
+def test_what_nothing_could_better_is_known_at_one_look():
+    grid = structured(4, 4)
+    for off, sweeps in ((1e-6, False), (0.03, True)):
+        points = grid.points.copy()
+        points[6] += off
+        result = smooth(Mesh(points, grid.cells), "optimize", max_sweeps=20)
+        assert (result.sweeps > 0) is sweeps
+        assert result.outcome.unchanged is not sweeps
+        assert result.outcome.target is not None
+        if not sweeps:
+            assert result.outcome.stop is Stop.SETTLED
+            assert [stage.aim for stage in result.outcome.stages] == [Aim.MEAN_SHAPE]
 
 
 @pytest.mark.filterwarnings("ignore::qsmooth.MeshWarning")

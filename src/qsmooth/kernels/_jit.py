@@ -14,6 +14,7 @@ from numba.core import event
 from numba.extending import typeof_impl
 
 from qsmooth.kernels import compiling
+from qsmooth.kernels._linking import compile_wraps, link_wraps
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -31,10 +32,12 @@ class _Listener(event.Listener):
 
     def on_start(self, event: Any) -> None:
         module = event.data["dispatcher"].py_func.__module__
-        compiling.begin(of_ours=module.startswith("qsmooth."))
+        if compiling.begin(of_ours=module.startswith("qsmooth.")):
+            link_wraps()
 
     def on_end(self, event: Any) -> None:
-        compiling.end()
+        if compiling.end():
+            compile_wraps()
 
 
 _register: Any = event.register

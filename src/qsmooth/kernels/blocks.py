@@ -117,12 +117,15 @@ def lane_row(k: int) -> Any:
 @helper()
 def _in_order(kind: IndexArray, colour_offsets: IndexArray, largest: int) -> IndexArray:
     """Order vertices by make-up within each colour: by counting, triangles before quads."""
-    rows, spare = np.arange(kind.size), np.empty(kind.size, np.int64)
+    rows, spare = np.empty(kind.size, np.int64), np.empty(kind.size, np.int64)
+    for i in range(kind.size):
+        rows[i] = i
     counts = np.empty(largest + 2, np.int64)
     for shift in (0, 32):
         for colour in range(colour_offsets.size - 1):
             start, stop = colour_offsets[colour], colour_offsets[colour + 1]
-            counts[:] = 0
+            for k in range(largest + 2):
+                counts[k] = 0
             for i in range(start, stop):
                 counts[(kind[i] >> shift & 0xFFFFFFFF) + 1] += 1
             for k in range(largest + 1):
@@ -166,7 +169,8 @@ def build_blocks(stars: Stars) -> Blocks:
             size += 1
         n_blocks += 1 if size else 0
     table = np.empty((n_blocks, N_COLUMNS), np.uint64)
-    colour_blocks = np.zeros(n_colours + 1, np.int64)
+    colour_blocks = np.empty(n_colours + 1, np.int64)
+    colour_blocks[0] = 0
     vertices = np.empty(n, np.uint32)
     entries = np.empty(n_entries, np.uint32)
     cells = np.empty(of_rows.size, np.uint32)
@@ -252,10 +256,10 @@ def make_rows(
     """
     table, cells = blocks.table, blocks.cells
     n = cells.size
-    asks = np.zeros(table.shape[0], np.int64)
+    asks = np.empty(table.shape[0], np.int64)
     m11, m12, m22 = np.empty(n), np.empty(n), np.empty(n)
-    areas, inv_areas, size_weights = np.zeros(n), np.zeros(n), np.empty(n)
-    slims, near = np.empty(n), np.ones(n)
+    areas, inv_areas, size_weights = np.empty(n), np.empty(n), np.empty(n)
+    slims, near = np.empty(n), np.empty(n)
     for b in range(table.shape[0]):
         size, first = np.int64(table[b, SIZE]), np.int64(table[b, ROWS])
         n_quads = np.int64(table[b, N_QUADS])
@@ -269,11 +273,12 @@ def make_rows(
                 m22[row] = shapes[corner, 2] * weight[c]
                 off = max(abs(m11[row] - i11), abs(m12[row] - i12), abs(m22[row] - i22))
                 shaped |= off > ROUNDING
+                areas[row], inv_areas[row] = 0.0, 0.0
                 if size_weight[c] > 0.0:
                     sized = True
                     if area[c] > 0.0:
                         areas[row], inv_areas[row] = area[c], 1.0 / area[c]
-                size_weights[row] = size_weight[c]
+                size_weights[row], near[row] = size_weight[c], 1.0
                 slims[row] = slim[c] / weight[c]
                 walled |= slims[row] > 0.0
         asks[b] = SHAPES * shaped + SIZES * sized + WALLS * walled

@@ -156,7 +156,8 @@ def worst_around(
     """
     at, now = np.empty(n_vertices), worst.copy()
     for _ in range(rings):
-        at[:] = 0.0
+        for v in range(n_vertices):
+            at[v] = 0.0
         for c in range(now.size):
             for k in range(cell_offsets[c], cell_offsets[c + 1]):
                 v = cell_vertices[k]

@@ -3,6 +3,7 @@
 Numba is not loaded here: whoever only reads a clock needs no compiler.
 """
 
+import gc
 import logging
 import threading
 import time
@@ -22,6 +23,7 @@ class _Compiling(threading.local):
     started = 0.0
     seconds = 0.0
     ended = float("-inf")
+    collects = False
 
 
 _compiling = _Compiling()
@@ -43,24 +45,39 @@ def compiled_kernels() -> int:
     return _Count.value
 
 
-def begin(of_ours: bool) -> None:
-    """Note that something begins to compile, maybe inside what compiles already."""
+def begin(of_ours: bool) -> bool:
+    """Note that something begins to compile, maybe inside what compiles already.
+
+    Returns
+    -------
+    bool
+        Whether it is a kernel of ours.
+    """
     if not _compiling.depth and not of_ours:
-        return
+        return False
     _compiling.depth += 1
     if _compiling.depth > 1:
-        return
+        return False
     _compiling.started = time.perf_counter()
     _Count.value += 1
     if _compiling.started > _compiling.ended + PAUSE:
         _log.warning(MESSAGE)
+    # The compiler makes a million objects that stay: looking through them for garbage, again and
+    # again, is a twentieth of its time.
+    _compiling.collects = gc.isenabled()
+    gc.disable()
+    return True
 
 
-def end() -> None:
-    """Note that it has compiled."""
+def end() -> bool:
+    """Note that it has compiled; say whether that was a kernel of ours."""
     if not _compiling.depth:
-        return
+        return False
     _compiling.depth -= 1
-    if not _compiling.depth:
-        _compiling.ended = time.perf_counter()
-        _compiling.seconds += _compiling.ended - _compiling.started
+    if _compiling.depth:
+        return False
+    _compiling.ended = time.perf_counter()
+    _compiling.seconds += _compiling.ended - _compiling.started
+    if _compiling.collects:
+        gc.enable()
+    return True

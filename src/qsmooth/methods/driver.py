@@ -129,23 +129,27 @@ class SweepingMethod(Method):
 
     def run(self, mesh: Mesh, chosen: str = "") -> SmoothResult:
         """Sweep until every vertex rests, quality no longer improves, or no more is allowed."""
-        inside = Inside(mesh)
+        inside = Inside(mesh, kept=not self.max_sweeps)
         before = inside.quality(mesh)
         cut = self._cut(mesh)
-        swept = inside if cut is mesh else Inside(cut, inside)
+        swept = inside if cut is mesh else Inside(cut, inside, kept=not self.max_sweeps)
         only, selected = self.selected(mesh)
         if selected is not None and cut is not mesh:
             selected = np.repeat(selected, mesh.topology.cell_sizes - 2)
-        topology = swept.topology
-        stars = topology.schedule(self.keep_interfaces, inside.chosen_vertices(only))
-        good = self._good(swept.quality(cut) if cut is not mesh else before)
-        setting = Setting(topology, stars, good, swept.chosen_cells(selected))
+        topology, only = swept.topology, inside.chosen_vertices(only)
         run = _Run(self, inside.topology, inside.at_vertices(mesh.xy), before)
-        if stars.vertices.size:
-            engine = threads_for(self.threads, stars.vertices.size)
+        movable = topology.movable(self.keep_interfaces)
+        n_movable = int((movable if only is None else movable & only).sum())
+        engine = threads_for(self.threads, n_movable) if n_movable else None
+        if engine is not None and self.max_sweeps:
+            stars = topology.schedule(self.keep_interfaces, only)
+            good = self._good(swept.quality(cut) if cut is not mesh else before)
+            setting = Setting(topology, stars, good, swept.chosen_cells(selected))
             with engine.running():
                 for aim, n_sweeps in self.stages():
                     run.stage(replace(setting, aim=aim), engine, n_sweeps)
+        elif engine is not None:
+            run.stop = Stop.MAX_SWEEPS
         xy = inside.back(run.xy)
         if not self.guards:
             result = mesh.with_xy(xy, moved(mesh, xy))
@@ -154,7 +158,7 @@ class SweepingMethod(Method):
         else:
             points = stored(cut, xy).points
             result = mesh if points is mesh.points else mesh.with_points(points)
-        after = inside.quality(result)
+        after = before if result is mesh else inside.quality(result)
         return SmoothResult(
             mesh=result,
             outcome=run.outcome(

@@ -9,7 +9,7 @@ import numpy as np
 
 from qsmooth._types import BoolArray, FloatArray
 from qsmooth.adapters import to_mesh
-from qsmooth.metrics.quality import Quality
+from qsmooth.metrics.quality import Quality, quality
 from qsmooth.topology import Topology
 
 
@@ -73,10 +73,11 @@ def limits(mesh: Any, *, keep_interfaces: bool = True) -> Limits:
         If a pair is no mesh.
     """
     mesh = to_mesh(mesh)
-    return angle_limits(mesh.topology, mesh.xy, mesh.topology.movable(keep_interfaces))
+    movable = mesh.topology.movable(keep_interfaces)
+    return angle_limits(mesh.topology, mesh.xy, movable, quality(mesh))
 
 
-def angle_limits(topology: Topology, xy: FloatArray, movable: BoolArray) -> Limits:
+def angle_limits(topology: Topology, xy: FloatArray, movable: BoolArray, now: Quality) -> Limits:
     """Bound the smallest and the largest angle that the movable vertices can bring about.
 
     Parameters
@@ -85,6 +86,8 @@ def angle_limits(topology: Topology, xy: FloatArray, movable: BoolArray) -> Limi
         Coordinates; only those of vertices that stay count, and for the angles reached so far.
     movable : (n_vertices,)
         Vertices that may move, anywhere.
+    now
+        Metrics of the cells at these coordinates, in any order.
 
     Notes
     -----
@@ -103,7 +106,6 @@ def angle_limits(topology: Topology, xy: FloatArray, movable: BoolArray) -> Limi
     by_sum = 60.0 if (sizes == 3).any() else 90.0, 90.0 if (sizes == 4).any() else 60.0
     low = topology.first_vertex(smallest == smallest.min())
     high = topology.first_vertex(largest == largest.max())
-    now = Quality(topology, xy)
     return Limits(
         min_angle=float(min(by_sum[0], smallest[low])),
         max_angle=float(max(by_sum[1], largest[high])),

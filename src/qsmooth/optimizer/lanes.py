@@ -22,7 +22,7 @@ from qsmooth.targets import Targets, beside_others
 from qsmooth.topology import Topology
 
 if TYPE_CHECKING:
-    from qsmooth.kernels.blocks import Rows
+    from qsmooth.kernels.blocks import Blocks, Rows
     from qsmooth.kernels.newton_sweep import Wall
 
 # The wall on a cell's shape is 1 high at this multiple of its shape energy, or at this energy.
@@ -56,21 +56,47 @@ class Lanes:
         Who runs the sweeps.
     """
 
-    _rows: Rows
-
     def __init__(self, topology: Topology, stars: Stars, engine: Engine) -> None:
-        from qsmooth.kernels.blocks import build_blocks
-
         self.topology, self.stars, self._engine = topology, stars, engine
         self.movable = np.zeros(topology.n_vertices, np.bool_)
         self.movable[stars.vertices] = True
-        self._blocks = build_blocks(stars)
-        self.n_colours = self._blocks.colour_blocks.size - 1
-        self._rings = Rings(*topology.rings)
-        n_movable = self._blocks.vertices.size
+        self.n_colours = stars.colour_offsets.size - 1
+        n_movable = stars.vertices.size
         self._moves = Moves(np.zeros(n_movable), np.zeros(n_movable))
         self._shortest = np.empty(n_movable)
         self._look: Look | None = None
+
+    @cached_property
+    def _blocks(self) -> Blocks:
+        """The vertices in blocks of lanes."""
+        return self.topology.blocks(self.stars)
+
+    @cached_property
+    def _rings(self) -> Rings:
+        """Edge neighbours."""
+        return Rings(*self.topology.rings)
+
+    @cached_property
+    def _ahead(self) -> Extrapolation:
+        """What sweeps towards the present targets lead to."""
+        return Extrapolation(self._blocks.vertices, ROUND, self._engine)
+
+    @cached_property
+    def _rows(self) -> Rows:
+        """What is asked of the cells around each vertex."""
+        from qsmooth.kernels.blocks import make_rows
+
+        size_weight, slim, weight = self._asked
+        rows: Rows = make_rows(
+            self._blocks,
+            self._row_corners,
+            self.targets.corners,
+            self.targets.area,
+            size_weight,
+            slim,
+            weight,
+        )
+        return rows
 
     def quality(self, xy: FloatArray) -> Quality:
         """Measure the mesh at these coordinates."""
@@ -221,7 +247,7 @@ class Lanes:
     def aim_at(self, targets: Targets) -> None:
         """Ask each cell for this shape and size from now on; takes walls on shape down."""
         self.targets, self._look = targets, None
-        self._ahead = Extrapolation(self._blocks.vertices, ROUND, self._engine)
+        self.__dict__.pop("_ahead", None)
         self.maps = np.empty((0, 3)) if targets.maps is None else targets.maps
         counts = targets.size_weight > 0.0
         inv_area = np.divide(1.0, targets.area, out=np.zeros(counts.size), where=counts)
@@ -272,20 +298,10 @@ class Lanes:
     def _ask(
         self, size_weight: FloatArray, slim: FloatArray, weight: FloatArray | None = None
     ) -> None:
-        """Put together what is asked of the cells around each vertex."""
-        from qsmooth.kernels.blocks import make_rows
-
+        """Let this be asked of the cells around each vertex."""
         weight = np.ones(slim.size) if weight is None else weight
         self._asked, self._near = (size_weight, slim, weight), np.ones(slim.size)
-        self._rows = make_rows(
-            self._blocks,
-            self._row_corners,
-            self.targets.corners,
-            self.targets.area,
-            size_weight,
-            slim,
-            weight,
-        )
+        self.__dict__.pop("_rows", None)
 
     def look(self, xy: FloatArray) -> Look:
         """Measure the cells at these coordinates; the last look is kept, and used again."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -16,7 +16,7 @@ from qsmooth.methods.driver import invalid_cells, stored
 from qsmooth.metrics import Quality
 from qsmooth.metrics.bounds import angle_limits
 from qsmooth.numbering import Inside
-from qsmooth.optimizer.best import MEAN_LOSS, Best
+from qsmooth.optimizer.best import LEAST_GAIN, MEAN_LOSS, Best
 from qsmooth.optimizer.ground import Ground, targets_inside
 from qsmooth.optimizer.judgement import judged
 from qsmooth.optimizer.lanes import Lanes
@@ -83,7 +83,7 @@ class _Staged(Method):
 
     def run(self, mesh: Mesh, chosen: str = "") -> SmoothResult:
         """Go through the stages, and sum up."""
-        inside = Inside(mesh)
+        inside = Inside(mesh, kept=not self.max_sweeps)
         before = inside.quality(mesh)
         only, _ = self.selected(mesh)
         movable = mesh.topology.movable(self.keep_interfaces)
@@ -100,8 +100,8 @@ class _Staged(Method):
             with engine.running():
                 found = self.stages(ground, before, progress)
                 result = stored(mesh, inside.back(found.xy))
-                after = inside.quality(result)
-            bounds = self.bounds(inside, result)
+                after = before if result is mesh else inside.quality(result)
+            bounds = self.bounds(inside, result, after)
         invalid = with_proof(invalid_cells(before, after), mesh.topology, result.xy, movable)
         seconds = progress.seconds
         stop = progress.stop or self.finished(found, invalid)
@@ -150,7 +150,7 @@ class _Staged(Method):
         """Why it stopped where what the caller allows was not used up."""
         raise NotImplementedError
 
-    def bounds(self, inside: Inside, result: Mesh) -> object:
+    def bounds(self, inside: Inside, result: Mesh, after: Quality) -> object:
         """Limits of the result's angles, where they belong to the outcome."""
         return None
 
@@ -241,9 +241,12 @@ class Optimize(_Staged):
 
     def stages(self, ground: Ground, before: Quality, progress: Progress) -> _Found:
         """Untangle, improve the mean, mend the worst cells; keep the best that was seen."""
-        inside, lanes = ground.inside, ground.lanes
+        inside = ground.inside
         xy = inside.at_vertices(inside.mesh.xy)
-        given = xy.copy()  # untangling may move far more than what is invalid
+        if not self.max_sweeps:
+            progress.spent()
+            return _Found(xy)
+        lanes, given = ground.lanes, xy.copy()  # untangling may move far more than is invalid
         if before.n_invalid:
             with progress.stage(Aim.UNTANGLE):
                 untangle(ground, xy, progress)
@@ -253,7 +256,8 @@ class Optimize(_Staged):
             few = before.n_invalid <= FEW_INVALID * lanes.topology.n_cells
             found = self._targets(inside, given, given if few else xy)
             best, xy = self._improved(lanes, inside, xy, found, progress)
-        if self.worst and not self._by_metric and not best.good_enough():
+        by_walls = self.worst and not self._by_metric
+        if by_walls and not (best.good_enough() or self._nothing_to_gain(lanes, best)):
             with progress.stage(Aim.WORST_CELLS):
                 mend_worst(lanes, xy, best, progress)
         best.settle()
@@ -281,7 +285,7 @@ class Optimize(_Staged):
         """Say where what is held kept a run that was not cut short from something better."""
         from qsmooth.kernels.newton_sweep import Wall
 
-        if progress.stop is not None or best.good_enough():
+        if progress.stop is not None or best.good_enough() or self._nothing_to_gain(lanes, best):
             return ()
         lanes.caps.hold(start, self.hold, angles=not self._by_metric)
         worst = lanes.energy(best.xy)[0].max(initial=1.0)
@@ -353,8 +357,19 @@ class Optimize(_Staged):
             enough=self.stop_quality,
             keep_mean=keep_mean,
         )
-        improve_mean(lanes, xy, best, progress, worst=self.worst)
+        if not self._nothing_to_gain(lanes, best):
+            improve_mean(lanes, xy, best, progress, worst=self.worst)
         return best, xy
+
+    def _nothing_to_gain(self, lanes: Lanes, best: Best) -> bool:
+        """Whether even perfect cells would not be worth moving a vertex for."""
+        if self._by_metric or best.given.n_invalid:
+            return False
+        angle = 90.0 if lanes.topology.n_quads else 60.0
+        perfect = replace(
+            best.given, free_jacobian=1.0, shape=1.0, least_shape=1.0, low_angle=angle
+        )
+        return perfect.gain(best.given) < LEAST_GAIN
 
     def _targets(
         self, inside: Inside, given: FloatArray, mended: FloatArray
@@ -399,10 +414,11 @@ class Optimize(_Staged):
         """Why it stopped where no limit of the caller was reached."""
         return Stop.STOP_QUALITY if found.good_enough else Stop.SETTLED
 
-    def bounds(self, inside: Inside, result: Mesh) -> object:
+    def bounds(self, inside: Inside, result: Mesh, after: Quality) -> object:
         """Limits of the result's angles."""
-        xy = inside.at_vertices(result.xy)
-        return angle_limits(inside.topology, xy, inside.topology.movable(self.keep_interfaces))
+        topology = inside.topology
+        movable = topology.movable(self.keep_interfaces)
+        return angle_limits(topology, inside.at_vertices(result.xy), movable, after)
 
 
 @dataclass(frozen=True, kw_only=True)
