@@ -3,17 +3,26 @@
 import importlib.metadata
 import importlib.util
 import json
+import math
 import os
 import platform
+import signal
 import subprocess
 import sys
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
+
+try:
+    import resource
+except ImportError:  # not on Windows
+    resource = None
 
 HERE = Path(__file__).resolve().parent
 # Some libraries take as many threads as there are cores; all are to run on one.
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "VTK_SMP_MAX_THREADS"), "1")
 ANSWER = "ANSWER "
+# A process may last so many times its processor time, where others want the cores.
+PATIENCE = 5
 
 
 def own_cache():
@@ -32,6 +41,11 @@ def answer(record):
 def ask(script, question, *, limit, python=sys.executable, threads=1):
     """Have `script` answer a question, a dict, in a process of its own.
 
+    Parameters
+    ----------
+    limit
+        Seconds of processor time that it may take.
+
     Returns
     -------
     dict or None
@@ -43,17 +57,26 @@ def ask(script, question, *, limit, python=sys.executable, threads=1):
     try:
         done = subprocess.run(
             [python, str(HERE / script), "--question", json.dumps(question)],
-            capture_output=True, text=True, timeout=limit, check=False, env=environment,
+            capture_output=True, text=True, timeout=PATIENCE * limit, check=False, env=environment,
+            preexec_fn=partial(_allow, limit) if resource else None,
         )  # fmt: skip
     except subprocess.TimeoutExpired:
         return None, f"over {limit:g} s"
     for line in done.stdout.splitlines():
         if line.startswith(ANSWER):  # some libraries crash only when they are unloaded
             return json.loads(line[len(ANSWER) :]), ""
+    if resource and done.returncode == -signal.SIGXCPU:
+        return None, f"over {limit:g} s"
     if done.returncode < 0:
         return None, f"ended by signal {-done.returncode}"
     last = (done.stderr.strip() or done.stdout.strip() or "no message").splitlines()[-1]
     return None, f"ended with {done.returncode}: {last[:80]}"
+
+
+def _allow(seconds):
+    """Let this process end itself after so much processor time."""
+    whole = max(1, math.ceil(seconds))
+    resource.setrlimit(resource.RLIMIT_CPU, (whole, whole + 1))
 
 
 @cache

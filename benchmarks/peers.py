@@ -11,9 +11,10 @@ there, with how many sweeps, is said; `time_to_quality` has how they are found. 
 that do not look at cells at all the plain Laplacian may be the quickest, too.
 
 Every run has a process of its own with a time limit, as some libraries end the process on meshes
-they can't handle. What counts is the smoothing call alone, on one thread, the median of several,
-each on a mesh given anew, after a small mesh. Quality is measured by one piece of code for all. A
-program that is not installed is skipped; `pip install '.[peers]'` brings all of them.
+they can't handle. What counts is the processor time of the smoothing call alone, on one thread, the
+median of several, each on a mesh given anew, after a small mesh; the file has the wall time as
+well. Quality is measured by one piece of code for all. A program that is not installed is skipped;
+`pip install '.[peers]'` brings all of them.
 """
 
 import argparse
@@ -45,7 +46,9 @@ def main():
     parser.add_argument(
         "--repeat", type=int, default=3, help="runs of a program, if they are short"
     )
-    parser.add_argument("--limit", type=float, default=60.0, help="seconds a program may take")
+    parser.add_argument(
+        "--limit", type=float, default=60.0, help="seconds a program may take in all"
+    )
     parser.add_argument(
         "--python", action="append", default=[], help="more interpreters to look for programs in"
     )
@@ -182,7 +185,7 @@ def summary(found):
             f"{TOLERANCE:g}), geometric mean {mean:.3g}"
         )
     texts += [f"{peer}: not installed" for peer, which in found["programs"].items() if not which]
-    texts.append(f"{machine_words(found['machine'])}; one thread each")
+    texts.append(f"{machine_words(found['machine'])}; one thread each, processor time")
     return "\n".join(texts)
 
 

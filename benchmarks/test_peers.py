@@ -4,6 +4,7 @@ import pytest
 
 from peer_meshes import make, measure
 from peer_programs import PROGRAMS
+from qsmooth import warmup
 from time_to_quality import Calls
 
 QUICK = [name for name, program in PROGRAMS.items() if program.quick]
@@ -29,6 +30,7 @@ def test_program_and_qsmooth_as_far(benchmark, print_ratio, smoke, name, mesh):
     benchmark.extra_info.update(cells=len(cells), threads=1, **wanted._asdict())
     if wanted.invalid or smoke:
         return
+    warmup()
     reached = Calls(points, cells).quickest(wanted, 2.0, program.guarded)
     if reached is None:
         print_ratio(f"{name}, {mesh}: no method of qsmooth came as far")

@@ -3,6 +3,7 @@
 For each method the fewest sweeps that reach the quality are looked for by doubling and halving, as
 whole calls of `qsmooth.smooth` with `max_sweeps`; then calls with exactly so many are timed. That
 is what a user gets who asks for so many sweeps: warm kernels, one thread, a new mesh each time.
+Seconds are of processor time, which other programs on the machine disturb least.
 """
 
 import statistics
@@ -64,19 +65,19 @@ class Calls:
         self._seen = {}
 
     def timed(self, method, sweeps=None):
-        """Seconds of a call, and its result."""
+        """Processor time of a call, and its result."""
         from qsmooth import Mesh, smooth, untangle
 
         name, options = METHODS[method]
         if sweeps is not None:
             options = {**options, "max_sweeps": sweeps}
         mesh = Mesh(self.points, self.cells)
-        begin = time.perf_counter()
+        begin = time.process_time()
         if name == "untangle":
             result = untangle(mesh, threads=1, **options)
         else:
             result = smooth(mesh, name, threads=1, **options)
-        return time.perf_counter() - begin, result
+        return time.process_time() - begin, result
 
     def median(self, method, sweeps=None):
         """Median of the seconds of several calls, and the last result."""
@@ -88,13 +89,13 @@ class Calls:
         return statistics.median(all_of_them), result
 
     def with_sweeps(self, method, sweeps) -> Call:
-        """What so many sweeps come to; the seconds are without compiling."""
+        """What so many sweeps come to."""
         key = method, sweeps
         if key not in self._seen:
-            _, result = self.timed(method, sweeps)
+            seconds, result = self.timed(method, sweeps)
             figures = measure(result.points, self.cells)
             used_up = result.outcome.stop.value == "max_sweeps"
-            self._seen[key] = Call(result.seconds, figures, used_up)
+            self._seen[key] = Call(seconds, figures, used_up)
         return self._seen[key]
 
     def fewest(self, method, wanted: Figures, limit: float) -> int | None:

@@ -6,17 +6,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import growth
+import paper
 import peer_meshes
 import time_to_quality
 from apart import ask
 from peer_meshes import Figures, make, measure
 from peer_programs import SWEEPS, start_scipy
 from peers import lines, ratios, summary
-from qsmooth import Mesh, quality, smooth
+from qsmooth import Mesh, examples, quality, smooth
 from time_to_quality import TOLERANCE, Calls, enough
 
 BENCHMARKS = Path(peer_meshes.__file__).parent
-PROGRAMS = ("peers",)
+PROGRAMS = ("peers", "growth", "paper")
 GOOD = Figures(angle=50.0, worst=0.5, mean=0.8, shape=0.7, invalid=0)
 
 
@@ -142,3 +144,38 @@ def test_the_table_has_every_outcome():
     assert ratios(found) == {"mfem": {"square": 6.0}}
     assert "geometric mean 6" in summary(found)
     assert "gmsh-relocate: not installed" in summary(found)
+
+
+def test_growth_measures_a_whole_call(monkeypatch, tmp_path):
+    pytest.importorskip("resource")
+    monkeypatch.setattr(growth, "SIZES", (400,))
+    monkeypatch.setattr(growth, "BUMPS", (100,))
+    found = growth.run(say=lambda *words, flush: None)
+    star, optimize, bump = found["rows"]
+    assert [row["quads"] for row in found["rows"]] == [400, 400, 100]
+    assert (star["sweeps"], star["stop"]) == (10, "max_sweeps")
+    assert optimize["stop"] == bump["stop"] == "settled"
+    for row in found["rows"]:
+        assert row["worst"][1] > row["worst"][0]
+        assert row["bytes"]["peak"] >= row["bytes"]["given"] >= row["bytes"]["base"] > 0
+        assert len(growth.line(row)) == len(growth.HEAD)
+    assert len(growth.line({"work": "star", "quads": 9, "why": "over 1 s"})) == len(growth.HEAD)
+
+
+def test_the_peak_of_memory_is_in_bytes():
+    pytest.importorskip("resource")
+    held = np.ones(40_000_000)
+    assert held.nbytes < growth.peak() < 1000 * held.nbytes
+
+
+def test_the_table_of_the_paper_has_its_figures():
+    found = paper.run(sweeps=2, repeats=1, sizes=(200, 1000))
+    given, *methods = found["rows"][:4]
+    assert [row["method"] for row in methods] == list(paper.METHODS)
+    summary = quality(examples.spiral(200)).summary()
+    assert given["aspect_ratio"] == summary.worst["aspect_ratio"]
+    assert given["mean_aspect_ratio"] == summary.mean["aspect_ratio"]
+    rows = paper.lines(found)
+    assert {len(row) for row in rows} == {len(paper.HEAD)}
+    by_quad = next(row for row in rows if row[0].startswith("spiral") and row[1] == "quad")
+    assert by_quad[3::2] == ["3.6", "10.1", "1.91", "155.0°", "18.8°"]
