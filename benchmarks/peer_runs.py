@@ -73,8 +73,7 @@ def run_qsmooth(folder, others):
         wanted = Figures(*other["figures"])
         if wanted.invalid and not given.invalid:
             continue  # what it was given is the first valid mesh
-        limit = max(other["seconds"], 2.0 * seconds)
-        found = calls.quickest(wanted, limit, PROGRAMS[name].guarded)
+        found = calls.quickest(wanted, 2.0 * seconds, PROGRAMS[name].guarded)
         reached[name] = found and found._asdict()
     return {
         "seconds": seconds,

@@ -34,7 +34,7 @@ from time_to_quality import TOLERANCE
 PATIENCE = 900.0
 HEAD = (
     "mesh", "program", "seconds", "smallest angle", "min SJ", "mean SJ", "mean shape", "invalid",
-    "qsmooth as far", "by", "times as fast",
+    "as far", "by", "times as fast",
 )  # fmt: skip
 
 
@@ -71,16 +71,29 @@ def run(size, meshes, peers, *, limit, repeat, pythons, say=print):
         "machine": machine(), "size": size, "limit": limit, "repeat": repeat, "programs": {},
         "meshes": {},
     }  # fmt: skip
-    places = {}
+    places = _places(peers, pythons)
     for peer in peers:
         package = PROGRAMS[peer].package
-        places[peer] = next((p for p in pythons if version(package, p)), None)
         found["programs"][peer] = version(package, places[peer]) if places[peer] else None
     for name in meshes:
         with tempfile.TemporaryDirectory() as folder:
             made = _beside(name, SIZES[size], folder, places, limit, repeat, say)
         found["meshes"][name] = made
     return found
+
+
+def _places(peers, pythons):
+    """First interpreter that has the package of each program, or None."""
+    return {
+        peer: next((p for p in pythons if version(PROGRAMS[peer].package, p)), None)
+        for peer in peers
+    }
+
+
+def missing(peers, pythons):
+    """Packages that no interpreter has."""
+    places = _places(peers, pythons)
+    return sorted({PROGRAMS[peer].package for peer in peers if places[peer] is None})
 
 
 def _beside(name, cells, folder, places, limit, repeat, say):

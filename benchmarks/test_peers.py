@@ -12,12 +12,12 @@ MESHES = ("square", "lake", "triangles")
 
 
 @pytest.mark.benchmark(group="peers, 2K cells")
-@pytest.mark.parametrize("mesh", MESHES)
+@pytest.mark.parametrize("kind", MESHES)
 @pytest.mark.parametrize("name", QUICK)
-def test_program_and_qsmooth_as_far(benchmark, print_ratio, smoke, name, mesh):
+def test_program_and_qsmooth_as_far(benchmark, print_ratio, smoke, name, kind):
     program = PROGRAMS[name]
     pytest.importorskip(program.package, reason=f"{program.package} is not installed")
-    points, cells = make(mesh, 64 if smoke else 2000)
+    points, cells = make(kind, 64 if smoke else 2000)
     results = []
 
     def start():
@@ -33,21 +33,21 @@ def test_program_and_qsmooth_as_far(benchmark, print_ratio, smoke, name, mesh):
     warmup()
     reached = Calls(points, cells).quickest(wanted, 2.0, program.guarded)
     if reached is None:
-        print_ratio(f"{name}, {mesh}: no method of qsmooth came as far")
+        print_ratio(f"{name}, {kind}: no method of qsmooth came as far")
         return
     ratio = benchmark.stats.stats.median / reached.seconds
     benchmark.extra_info.update(as_far=reached.seconds, by=reached.method, times=round(ratio, 2))
     print_ratio(
-        f"{program.title}, {mesh}, {len(cells)} cells: {1e3 * benchmark.stats.stats.median:.3g} ms "
+        f"{program.title}, {kind}, {len(cells)} cells: {1e3 * benchmark.stats.stats.median:.3g} ms "
         f"to a scaled Jacobian of {wanted.worst:.3f}; qsmooth {1e3 * reached.seconds:.3g} ms by "
         f"{reached.sweeps} sweeps of {reached.method}, {ratio:.3g} times as fast"
     )
 
 
 @pytest.mark.benchmark(group="peers, 2K cells")
-@pytest.mark.parametrize("mesh", MESHES)
-def test_qsmooth_to_its_end(benchmark, smoke, mesh):
-    points, cells = make(mesh, 64 if smoke else 2000)
+@pytest.mark.parametrize("kind", MESHES)
+def test_qsmooth_to_its_end(benchmark, smoke, kind):
+    points, cells = make(kind, 64 if smoke else 2000)
     calls, results = Calls(points, cells), []
     calls.timed("optimize", 20)
     benchmark.pedantic(lambda: results.append(calls.timed("optimize")[1]), rounds=1 if smoke else 3)

@@ -18,7 +18,7 @@ from qsmooth import Mesh, examples, quality, smooth
 from time_to_quality import TOLERANCE, Calls, enough
 
 BENCHMARKS = Path(peer_meshes.__file__).parent
-PROGRAMS = ("peers", "growth", "paper")
+PROGRAMS = ("peers", "growth", "paper", "publish")
 GOOD = Figures(angle=50.0, worst=0.5, mean=0.8, shape=0.7, invalid=0)
 
 
