@@ -9,6 +9,7 @@ import platform
 import signal
 import subprocess
 import sys
+import time
 from functools import cache, partial
 from pathlib import Path
 
@@ -23,6 +24,15 @@ ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "VTK_SMP_
 ANSWER = "ANSWER "
 # A process may last so many times its processor time, where others want the cores.
 PATIENCE = 5
+
+
+def processor_time():
+    """Seconds that the cores gave this process."""
+    if resource is None:
+        return time.process_time()
+    # `time.process_time` goes by ticks of 4 ms on Linux where the processor time is limited.
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    return used.ru_utime + used.ru_stime
 
 
 def own_cache():
@@ -90,6 +100,16 @@ def version(package, python=sys.executable):
     code = f"import importlib.metadata as m; print(m.version({package!r}))"
     done = subprocess.run([python, "-c", code], capture_output=True, text=True, check=False)
     return done.stdout.strip()
+
+
+def free_memory():
+    """Bytes of memory to be had, as far as that is known."""
+    info = Path("/proc/meminfo")
+    if info.exists():
+        for line in info.read_text().splitlines():
+            if line.startswith("MemAvailable:"):
+                return 1024 * int(line.split()[1])
+    return math.inf
 
 
 def machine():

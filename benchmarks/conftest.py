@@ -1,6 +1,5 @@
 """Meshes in cache and beyond, what tables show of each figure; Numba's cache as in tests."""
 
-import math
 import os
 import platform
 from functools import cache
@@ -10,6 +9,7 @@ import numpy as np
 import pytest
 
 import sweep_bounds
+from apart import free_memory
 from numba_cache import key_cache
 
 key_cache()
@@ -89,7 +89,7 @@ def mesh(request, smoke):
     from qsmooth import Mesh
 
     side = SIDES["2K" if smoke else request.param]
-    if side**2 * BYTES_A_QUAD > _free_memory():
+    if side**2 * BYTES_A_QUAD > free_memory():
         pytest.skip(f"{request.param} quads need {side**2 * BYTES_A_QUAD / 1e9:.0f} GB")
     return Mesh(*rough_grid(side))
 
@@ -102,24 +102,16 @@ def triangles(mesh):
     return split_quads(mesh)
 
 
-@pytest.fixture(params=["spiral_2k.off", "superior_24k.off"])
-def lake(request):
-    """The meshes of the paper's comparison, where the shared folder is beside the checkout."""
-    from qsmooth import read_mesh
+@pytest.fixture(scope="session", params=["generated", "superior_24k.off"])
+def lake(request, smoke):
+    """Lakes of 24K quads: Lake Superior where the folder of real meshes is beside the checkout."""
+    from qsmooth import examples, read_mesh
 
+    if request.param == "generated":
+        return examples.lake(1000 if smoke else 24_000)
     if not SHARED.is_dir():
         pytest.skip("the folder of real meshes is not here")
     return read_mesh(SHARED / request.param)
-
-
-def _free_memory():
-    """Bytes of memory to be had, as far as that is known."""
-    info = Path("/proc/meminfo")
-    if info.exists():
-        for line in info.read_text().splitlines():
-            if line.startswith("MemAvailable:"):
-                return 1024 * int(line.split()[1])
-    return math.inf
 
 
 @pytest.fixture

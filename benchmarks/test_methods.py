@@ -1,9 +1,6 @@
-"""Whole calls: vertex updates a second, star's time over quad's, and the first call of all."""
+"""Whole calls: vertex updates a second, star's time over quad's, numberings."""
 
-import os
 import statistics
-import subprocess
-import sys
 import time
 
 import numpy as np
@@ -31,7 +28,7 @@ def test_method(benchmark, mesh, note, name, threads):
         return smooth(mesh, method)
 
     call()
-    benchmark.pedantic(call, rounds=3)
+    benchmark.pedantic(call, rounds=2)
     n_movable = mesh.topology.schedule().vertices.size
     note(mesh, threads, rate=(n_movable * SWEEPS, "updates"), sweeps=SWEEPS)
 
@@ -78,33 +75,3 @@ def test_random_numbering_over_good_numbering(benchmark, note, print_ratio, smok
     benchmark.pedantic(both, rounds=1 if smoke else 3)
     ratio = min(b / a for a, b in zip(seconds["good"], seconds["random"], strict=True))
     print_ratio(f"{name}, {len(cells[0])} quads: random over good numbering {ratio:.2f}")
-
-
-FIRST_CALL = """
-from qsmooth import smooth
-points = [(0, 0), (1, 0), (2, 0), (0, 1), (1.3, 1.2), (2, 1), (0, 2), (1, 2), (2, 2)]
-smooth((points, [(0, 1, 4, 3), (1, 2, 5, 4), (4, 5, 8, 7), (3, 4, 7, 6)]), "star")
-"""
-
-
-def first_call(folder):
-    subprocess.run(
-        [sys.executable, "-c", FIRST_CALL],
-        env={**os.environ, "NUMBA_CACHE_DIR": str(folder)},
-        check=True,
-    )
-
-
-def test_first_call_with_an_empty_cache(benchmark, tmp_path_factory):
-    """Start Python, import, compile everything that star needs, smooth four quads."""
-
-    def empty():
-        return (tmp_path_factory.mktemp("cache"),), {}
-
-    benchmark.pedantic(first_call, setup=empty, rounds=1)
-
-
-def test_first_call_with_a_full_cache(benchmark, tmp_path):
-    """The same in the next process: nothing is compiled."""
-    first_call(tmp_path)
-    benchmark.pedantic(first_call, (tmp_path,), rounds=3)

@@ -6,10 +6,11 @@ is what a user gets who asks for so many sweeps: warm kernels, one thread, a new
 Seconds are of processor time, which other programs on the machine disturb least.
 """
 
+import math
 import statistics
-import time
 from typing import NamedTuple
 
+from apart import processor_time
 from peer_meshes import Figures, measure
 
 # Methods with options. None of them invalidates a valid cell, but for the plain Laplacian. The
@@ -26,7 +27,9 @@ METHODS = {
 # As good as the other program but for this much: figures are told to three digits.
 TOLERANCE = 1e-3
 # A count is known to this share of itself.
-RESOLUTION = 16
+RESOLUTION = 8
+# More sweeps than this of what goes through no stages gain little.
+MOST, STAGED = 256, ("optimize", "untangle")
 REPEATS, REPEATS_OF_LONG, LONG = 7, 3, 1.0
 
 
@@ -73,12 +76,12 @@ class Calls:
         if sweeps is not None:
             options = {**options, "max_sweeps": sweeps}
         mesh = Mesh(self.points, self.cells)
-        begin = time.process_time()
+        begin = processor_time()
         if name == "untangle":
             result = untangle(mesh, threads=1, **options)
         else:
             result = smooth(mesh, name, threads=1, **options)
-        return time.process_time() - begin, result
+        return processor_time() - begin, result
 
     def median(self, method, sweeps=None):
         """Median of the seconds of several calls, and the last result."""
@@ -103,7 +106,8 @@ class Calls:
         """Fewest sweeps that are enough, or None where they are not, or take longer than that."""
         failed, sweeps = 0, 1
         while not enough((call := self.with_sweeps(method, sweeps)).figures, wanted):
-            if not call.used_up or call.seconds > limit:
+            most = math.inf if method.startswith(STAGED) else MOST
+            if not call.used_up or call.seconds > limit or sweeps >= most:
                 return None
             failed, sweeps = sweeps, 2 * sweeps
         while sweeps - failed > max(1, sweeps // RESOLUTION):
