@@ -155,7 +155,7 @@ def _line(name, peer, other):
         return [*row, "", "not reached", ""]
     reached = other["reached"]
     by = f"{reached['method']}, {reached['sweeps']} sweeps"
-    return [*row, _seconds(reached["seconds"]), by, f"{other['ratio']:.3g}"]
+    return [*row, _seconds(reached["seconds"]), by, times(other["ratio"])]
 
 
 def _quality(figures):
@@ -165,6 +165,11 @@ def _quality(figures):
 
 def _seconds(seconds):
     return f"{1e3 * seconds:.3g} ms" if seconds < 1.0 else f"{seconds:.3g} s"
+
+
+def times(ratio):
+    """A ratio in two digits, or all that it has before the point."""
+    return f"{ratio:.2g}" if ratio < 99.5 else f"{ratio:.0f}"
 
 
 def plain(found):
@@ -193,9 +198,9 @@ def summary(found):
     for peer, values in ratios(found).items():
         mean = math.exp(statistics.fmean(map(math.log, values.values())))
         texts.append(
-            f"{PROGRAMS[peer].title} ({found['programs'][peer]}): {min(values.values()):.3g} to "
-            f"{max(values.values()):.3g} times as long as qsmooth to the same quality (within "
-            f"{TOLERANCE:g}), geometric mean {mean:.3g}"
+            f"{PROGRAMS[peer].title} ({found['programs'][peer]}): {times(min(values.values()))} to "
+            f"{times(max(values.values()))} times as long as qsmooth to the same quality (within "
+            f"{TOLERANCE:g}), geometric mean {times(mean)}"
         )
     texts += [f"{peer}: not installed" for peer, which in found["programs"].items() if not which]
     texts.append(f"{machine_words(found['machine'])}; one thread each, processor time")

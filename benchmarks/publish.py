@@ -1,7 +1,7 @@
 """Write the README's table of times, its picture and `docs/performance.md`.
 
     python benchmarks/publish.py             # run, store, write; ten minutes on a quiet machine
-    python benchmarks/publish.py --growth    # growth to ten million quads as well; needs 12 GB
+    python benchmarks/publish.py --growth    # growth to ten million quads as well; needs 16 GB
     python benchmarks/publish.py --stored    # write again what is stored in benchmarks/results
 
 All programs have to be installed, `pip install '.[plot,dev,peers]'`, or be found by --python.
@@ -51,17 +51,16 @@ def store(name, found):
 
 def readme_section(found):
     """What stands in the README between `START` and `END`."""
-    cells = [mesh["cells"] for mesh in found["meshes"].values()]
     head = ["Mesh", "qsmooth, to its end", *(SHORT[peer] for peer in found["programs"])]
     rows = [
         [name, _end(mesh), *(_peer(other) for other in mesh["peers"].values())]
         for name, mesh in found["meshes"].items()
     ]
     return f"""\
-Beside others on meshes of {min(cells) / 1000:.0f}K to {max(cells) / 1000:.0f}K cells, same mesh and
-same boundary: seconds, the smallest angle reached, and in bold **how many times as fast qsmooth
-comes as far**, in the worst cell and in the mean, or, where the other leaves invalid cells of an
-invalid mesh, to the first valid one:
+Beside others on meshes of {found["size"].upper()} cells, same mesh and same boundary: seconds, the
+smallest angle reached, and in bold **how many times as fast qsmooth comes as far**, in the worst
+cell and in the mean, or, where the other leaves invalid cells of an invalid mesh, to the first
+valid one. A valid mesh that the other makes invalid has no such figure:
 
 {markdown(head, rows)}
 
@@ -79,14 +78,16 @@ def _end(mesh):
 
 def _reached(figures):
     found = Figures(*figures)
-    return f"{found.invalid} invalid" if found.invalid else f"{found.angle:.3g}°"
+    return f"{found.invalid} invalid" if found.invalid else f"{found.angle:.1f}°"
 
 
 def _peer(other):
     if "why" in other:
         return other["why"] if other["why"].startswith("over") else "fails"
     text = f"{other['seconds']:.2g} s, {_reached(other['figures'])}"
-    return f"{text}, **{other['ratio']:.2g}**" if "ratio" in other else text
+    if "ratio" in other:
+        return f"{text}, **{peers.times(other['ratio'])}**"
+    return f"{text}, not reached" if "reached" in other else text
 
 
 def page(found, grown, papers):
@@ -117,8 +118,9 @@ boundary vertices along the boundary; they are put back.
 ## Growth
 
 Rough grids: ten sweeps of `star`, and `optimize` for {growth.TIME_LIMIT:g} s at most; grids over a
-steep bump, where a whole region has to move: `optimize` to its end. Peak bytes a quad are those of
-the process above what it had before the mesh was read, 48 bytes a quad of the caller's among them.
+steep bump, where a whole region has to move: `optimize` for {growth.BUMP_LIMIT:g} s at most, by the
+clock. Peak bytes a quad are those of the process above what it had before the mesh was read, 48
+bytes a quad of the caller's among them.
 
 {markdown(growth.HEAD, [growth.line(row) for row in grown["rows"]])}
 
@@ -169,7 +171,7 @@ def plot(found, path):
     axes.axvline(1.0, color="grey", linewidth=0.8)
     axes.set(xscale="log", xlabel="times as fast to the same quality")
     axes.set_yticks(range(len(names)), names)
-    axes.invert_yaxis()
+    axes.set_ylim(len(names) - 0.5, -0.5)
     axes.grid(axis="x", alpha=0.3)
     figure.legend(loc="outside right center", fontsize=8)
     figure.savefig(path, dpi=130)
