@@ -28,7 +28,6 @@ from pathlib import Path
 from apart import ask, machine, machine_words, markdown, version
 from peer_meshes import MESHES, SIZES, Figures
 from peer_programs import PROGRAMS
-from time_to_quality import TOLERANCE
 
 # Making a mesh, and finding the sweeps that are enough for each program, may take so long.
 PATIENCE = 900.0
@@ -182,27 +181,31 @@ def plain(found):
     )
 
 
-def ratios(found):
-    """Ratios of each program over the meshes on which there is one."""
-    out = {peer: {} for peer in found["programs"]}
+def ratios(found, valid=True):
+    """Ratios of each program by mesh, of its valid or of its invalid results."""
+    out = {}
     for name, mesh in found["meshes"].items():
         for peer, other in mesh.get("peers", {}).items():
-            if "ratio" in other:
-                out[peer][name] = other["ratio"]
-    return {peer: values for peer, values in out.items() if values}
+            if "ratio" in other and valid != bool(Figures(*other["figures"]).invalid):
+                out.setdefault(peer, {})[name] = other["ratio"]
+    return out
 
 
 def summary(found):
     """How many times as long as qsmooth each program took, and what all ran on."""
     texts = []
-    for peer, values in ratios(found).items():
-        mean = math.exp(statistics.fmean(map(math.log, values.values())))
-        texts.append(
-            f"{PROGRAMS[peer].title} ({found['programs'][peer]}): {times(min(values.values()))} to "
-            f"{times(max(values.values()))} times as long as qsmooth to the same quality (within "
-            f"{TOLERANCE:g}), geometric mean {times(mean)}"
-        )
-    texts += [f"{peer}: not installed" for peer, which in found["programs"].items() if not which]
+    for peer, which in found["programs"].items():
+        if not which:
+            texts.append(f"{peer}: not installed")
+        for valid, aim in ((True, "the same quality"), (False, "a valid mesh, which it has not")):
+            values = ratios(found, valid).get(peer, {}).values()
+            if values:
+                mean = math.exp(statistics.fmean(map(math.log, values)))
+                texts.append(
+                    f"{PROGRAMS[peer].title} ({which}): {times(min(values))} to "
+                    f"{times(max(values))} times as long as qsmooth to {aim}, on {len(values)} "
+                    f"of {len(found['meshes'])} meshes, geometric mean {times(mean)}"
+                )
     texts.append(f"{machine_words(found['machine'])}; one thread each, processor time")
     return "\n".join(texts)
 
