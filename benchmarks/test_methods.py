@@ -1,9 +1,6 @@
-"""Whole calls: vertex updates a second, star's time over quad's, and the first call of all."""
+"""Whole calls: vertex updates a second, star's time over quad's, numberings."""
 
-import os
 import statistics
-import subprocess
-import sys
 import time
 
 import numpy as np
@@ -32,11 +29,9 @@ def test_method(benchmark, mesh, note, name, threads):
         return smooth(mesh, method)
 
     call()
-    seconds = []
-    benchmark.pedantic(lambda: seconds.append(call().seconds), rounds=3)
+    benchmark.pedantic(call, rounds=2)
     n_movable = mesh.topology.schedule().vertices.size
-    updates = n_movable * SWEEPS / min(seconds)
-    note(mesh, threads, sweeps=SWEEPS, updates_per_second=round(updates))
+    note(mesh, threads, rate=(n_movable * SWEEPS, "updates"), sweeps=SWEEPS)
 
 
 def test_star_over_quad(benchmark, lake, note, print_ratio, smoke):
@@ -53,7 +48,7 @@ def test_star_over_quad(benchmark, lake, note, print_ratio, smoke):
         list_.clear()
     benchmark.pedantic(both, rounds=rounds)
     star, quad = (statistics.median(seconds[method]) for method in ("star", "quad"))
-    note(lake, 1, sweeps=sweeps, star_over_quad=round(star / quad, 3))
+    note(lake, 1, rate=None, sweeps=sweeps, star_over_quad=round(star / quad, 3))
     print_ratio(
         f"{lake.n_cells} quads, {sweeps} sweeps, 1 thread: star {1e3 * star:.1f} ms, "
         f"quad {1e3 * quad:.1f} ms, ratio {star / quad:.2f}"
@@ -61,9 +56,9 @@ def test_star_over_quad(benchmark, lake, note, print_ratio, smoke):
 
 
 @pytest.mark.parametrize("name", ["star", "optimize"])
-def test_random_numbering_over_good_numbering(benchmark, note, print_ratio, smoke, name):
-    """A million quads, ten sweeps, renumbering included: 1.3 times at most is the target."""
-    points, cells = rough_grid(20 if smoke else 1000)
+def test_random_numbering_over_good_numbering(benchmark, note, print_ratio, smoke, large, name):
+    """Ten sweeps, renumbering included: 1.3 times at most is the target."""
+    points, cells = rough_grid(large)
     rng, seconds = np.random.default_rng(0), {"good": [], "random": []}
 
     def both():
@@ -74,7 +69,7 @@ def test_random_numbering_over_good_numbering(benchmark, note, print_ratio, smok
             start = time.perf_counter()
             smooth(mesh, name, max_sweeps=SWEEPS, threads=1)
             seconds[numbering].append(time.perf_counter() - start)
-        note(mesh, 1, sweeps=SWEEPS)
+        note(mesh, 1, rate=None, sweeps=SWEEPS)
 
     with numbered("curve"):
         smooth(rough_grid(20), name, max_sweeps=SWEEPS)
@@ -107,33 +102,3 @@ def test_an_optimal_mesh_again(benchmark, note, print_ratio, smoke):
     start = time.perf_counter()
     smooth(optimal, threads=1)
     print_ratio(f"optimal again over first: {(time.perf_counter() - start) / first:.2f}")
-
-
-FIRST_CALL = """
-from qsmooth import smooth
-points = [(0, 0), (1, 0), (2, 0), (0, 1), (1.3, 1.2), (2, 1), (0, 2), (1, 2), (2, 2)]
-smooth((points, [(0, 1, 4, 3), (1, 2, 5, 4), (4, 5, 8, 7), (3, 4, 7, 6)]), "star")
-"""
-
-
-def first_call(folder):
-    subprocess.run(
-        [sys.executable, "-c", FIRST_CALL],
-        env={**os.environ, "NUMBA_CACHE_DIR": str(folder)},
-        check=True,
-    )
-
-
-def test_first_call_with_an_empty_cache(benchmark, tmp_path_factory):
-    """Start Python, import, compile everything that star needs, smooth four quads."""
-
-    def empty():
-        return (tmp_path_factory.mktemp("cache"),), {}
-
-    benchmark.pedantic(first_call, setup=empty, rounds=1)
-
-
-def test_first_call_with_a_full_cache(benchmark, tmp_path):
-    """The same in the next process: nothing is compiled."""
-    first_call(tmp_path)
-    benchmark.pedantic(first_call, (tmp_path,), rounds=3)

@@ -6,6 +6,7 @@ import pytest
 from qsmooth import Quality
 from qsmooth.kernels._jit import use_threads
 from qsmooth.metrics import METRICS
+from sweep_bounds import Work
 
 THREADS = [1, 2]
 
@@ -45,7 +46,7 @@ def test_validity(benchmark, mesh, note):
 
 
 @pytest.mark.benchmark(group="metrics")
-def test_glance(benchmark, mesh, note, put_rate):
+def test_glance(benchmark, mesh, note, put_bound):
     note(mesh)
 
     def glance():
@@ -55,11 +56,11 @@ def test_glance(benchmark, mesh, note, put_rate):
     glance()
     benchmark(glance)
     # An offset and four ids of 64 bits, a place, and the shape, which is read before it is written.
-    put_rate("cell", mesh.n_cells, moved=40 + 16 + 16, operations=130)
+    put_bound(Work(130, 0, 40 + 16 + 16))
 
 
 @pytest.mark.benchmark(group="metrics")
-def test_figures_in_one_pass(benchmark, mesh, note, put_rate):
+def test_figures_in_one_pass(benchmark, mesh, note, put_bound):
     note(mesh)
 
     def measure():
@@ -67,7 +68,7 @@ def test_figures_in_one_pass(benchmark, mesh, note, put_rate):
 
     measure()
     benchmark(measure)
-    put_rate("cell", mesh.n_cells, moved=40 + 16 + 6 * 16, operations=130 + 120)
+    put_bound(Work(130 + 120, 0, 40 + 16 + 6 * 16))
 
 
 VERDICT = [

@@ -36,4 +36,4 @@ def test_smooth_from_the_shell(benchmark, tmp_path, lake, method):
     given, out = tmp_path / "given.off", tmp_path / "out.vtu"
     write_mesh(given, lake)
     arguments = ("-m", "qsmooth", "smooth", given, "-o", out, "--overwrite", "-m", method)
-    benchmark.pedantic(run, args=arguments, rounds=5, warmup_rounds=1)
+    benchmark.pedantic(run, args=arguments, rounds=2, warmup_rounds=1)

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 import sweep_bounds
-from meshes import rough_grid
-from qsmooth import Mesh, Quality
+from qsmooth import Quality
 from qsmooth.kernels import angle, aspect_ratio, centroid, laplacian, quad, star
 from qsmooth.kernels._jit import use_threads
 from qsmooth.kernels.blocks import build_blocks
@@ -19,7 +18,6 @@ from qsmooth.kernels.proposals import thresholds
 from qsmooth.kernels.ring_blocks import build_ring_blocks
 from qsmooth.kernels.stars import Moves, Rings
 from qsmooth.methods.driver import record
-from qsmooth.split import split_quads
 
 pytestmark = pytest.mark.benchmark(group="sweeps")
 THREADS = [1, 2]
@@ -98,46 +96,20 @@ ON_QUADS = [
 ON_TRIANGLES = [star_sweep, smart_laplacian_sweep, angle_sweep, guarded_angle_sweep]
 
 
-@pytest.fixture(scope="module", params=["4K", "500K"])
-def triangles(request, smoke):
-    """Two triangles in place of each quad of the rough grid."""
-    return split_quads(Mesh(*rough_grid(45 if request.param == "4K" or smoke else 500)))
-
-
-@pytest.fixture(scope="module")
-def rates():
-    """What one thread of this machine can do."""
-    return sweep_bounds.rates()
-
-
 @pytest.fixture
-def run(benchmark, note, print_ratio, rates):
-    """Time one sweep, compiled by an untimed one, and say what share of its bound it reaches."""
+def run(benchmark, note, put_bound):
+    """Time one sweep, compiled by an untimed one, beside what the machine could do on paper."""
 
     def measure(mesh, sweep, threads, guard="quality"):
         case = Case(mesh)
         kernel, arguments = sweep(case, GOOD[guard])
         n_movable, name = case.stars.vertices.size, sweep.__name__
-        note(mesh, threads, movable=n_movable)
+        note(mesh, threads, rate=(n_movable, "vertices"))
         with use_threads(threads):
             kernel(*arguments)
             benchmark(kernel, *arguments)
-        if name not in sweep_bounds.PASSES or benchmark.stats is None:
-            return
-        work = sweep_bounds.work_of(name, sweep_bounds.star_of(case.stars))
-        most = threads * sweep_bounds.bound(work, rates)
-        reached = n_movable / benchmark.stats.stats.min
-        benchmark.extra_info.update(
-            {f"{what}_a_vertex": round(amount) for what, amount in work._asdict().items()},
-            vertices_per_second=round(reached),
-            share_of_bound=round(reached / most, 3),
-        )
-        print_ratio(
-            f"{name}, {guard}, {n_movable} movable, {threads} thread(s): "
-            f"{1e-6 * reached:.1f} M vertices/s, {reached / most:.0%} of {1e-6 * most:.0f} M on "
-            f"paper ({work.operations:.0f} operations, {work.divisions:.0f} divisions, "
-            f"{work.bytes:.0f} bytes a vertex)"
-        )
+        if name in sweep_bounds.PASSES:
+            put_bound(sweep_bounds.work_of(name, sweep_bounds.star_of(case.stars)), threads)
 
     return measure
 
@@ -207,7 +179,7 @@ def test_smart_laplacian_beside_the_unguarded_one_of_vtk(benchmark, mesh, note, 
 
     benchmark.pedantic(both, rounds=1 if smoke else 3)
     own, other = np.min(seconds, axis=0)
-    note(mesh, 1, vtk_over_qsmooth=round(other / own, 2))
+    note(mesh, 1, rate=None, vtk_over_qsmooth=round(other / own, 2))
     print_ratio(
         f"smart Laplacian, {mesh.n_cells} quads: {1e3 * own:.2f} ms a guarded sweep, "
         f"VTK unguarded {1e3 * other:.2f} ms, {other / own:.1f} times as long"
@@ -221,20 +193,20 @@ def of_four(mesh):
 
 
 @pytest.mark.benchmark(group="laplacian")
-def test_laplacian(benchmark, note, put_rate, of_four):
+def test_laplacian(benchmark, note, put_bound, of_four):
     kernel, arguments = laplacian_sweep(of_four, math.nan)
-    note(of_four.mesh)
+    note(of_four.mesh, rate=(of_four.stars.vertices.size, "vertices"))
     kernel(*arguments)
     benchmark(kernel, *arguments)
     # Five ids of 32 bits; a place read and one written, which is read first; two more figures.
     moved = 5 * 4 + 3 * 16 + 2 * 2 * 8
-    put_rate("vertex", of_four.stars.vertices.size, moved=moved, operations=4 * 8 + 12)
+    put_bound(sweep_bounds.Work(4 * 8 + 12, 0, moved))
 
 
 @pytest.mark.benchmark(group="laplacian")
-def test_laplacian_and_record(benchmark, note, put_rate, of_four):
+def test_laplacian_and_record(benchmark, note, put_bound, of_four):
     kernel, arguments = laplacian_sweep(of_four, math.nan)
-    note(of_four.mesh)
+    note(of_four.mesh, rate=(of_four.stars.vertices.size, "vertices"))
 
     def sweep():
         kernel(*arguments)
@@ -243,11 +215,11 @@ def test_laplacian_and_record(benchmark, note, put_rate, of_four):
     sweep()
     benchmark(sweep)
     moved = 5 * 4 + 3 * 16 + 2 * 2 * 8 + 40 + 16 + 4 * 8
-    put_rate("vertex", of_four.stars.vertices.size, moved=moved, operations=4 * 8 + 12 + 130)
+    put_bound(sweep_bounds.Work(4 * 8 + 12 + 130, 0, moved))
 
 
 @pytest.mark.benchmark(group="laplacian")
-def test_laplacian_as_a_sparse_product(benchmark, note, put_rate, of_four):
+def test_laplacian_as_a_sparse_product(benchmark, note, put_bound, of_four):
     sparse = pytest.importorskip("scipy.sparse")
     offsets, neighbours = of_four.rings
     counts = np.diff(offsets)
@@ -256,6 +228,6 @@ def test_laplacian_as_a_sparse_product(benchmark, note, put_rate, of_four):
     mean = sparse.csr_matrix(
         (weights, neighbours.astype(np.int32), offsets.astype(np.int32)), shape
     )
-    note(of_four.mesh)
+    note(of_four.mesh, rate=(counts.size, "vertices"))
     benchmark(lambda: mean @ of_four.xy)
-    put_rate("vertex", counts.size, moved=4 * 12 + 4 + 3 * 16, operations=4 * 4)
+    put_bound(sweep_bounds.Work(4 * 4, 0, 4 * 12 + 4 + 3 * 16))

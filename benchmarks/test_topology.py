@@ -12,6 +12,7 @@ from qsmooth.kernels.blocks import build_blocks
 from qsmooth.kernels.numbering import LEVELS, curve_order
 from qsmooth.numbering import is_scattered
 from qsmooth.topology import Topology
+from sweep_bounds import Work
 
 pytestmark = pytest.mark.benchmark(group="topology")
 
@@ -22,14 +23,14 @@ def run(benchmark, kernel, *arguments):
     benchmark(kernel, *arguments)
 
 
-def test_stars(benchmark, mesh, note, put_rate):
+def test_stars(benchmark, mesh, note, put_bound):
     note(mesh)
     run(benchmark, topology.stars, mesh.n_vertices, *mesh.topology.cells)
     # Corners are read twice; two tables are read and written.
-    put_rate("cell", mesh.n_cells, moved=2 * 32 + 2 * 2 * 32 + 3 * 8, operations=0)
+    put_bound(Work(0, 0, 2 * 32 + 2 * 2 * 32 + 3 * 8))
 
 
-def test_edge_twins(benchmark, mesh, note, put_rate):
+def test_edge_twins(benchmark, mesh, note, put_bound):
     note(mesh)
     top = mesh.topology
     run(
@@ -40,7 +41,7 @@ def test_edge_twins(benchmark, mesh, note, put_rate):
         top.star_cells,
         top.star_corners,
     )
-    put_rate("cell", mesh.n_cells, moved=32 + 8 + 8 + 2 * 32 + 3 * 32 + 4 * 8, operations=0)
+    put_bound(Work(0, 0, 32 + 8 + 8 + 2 * 32 + 3 * 32 + 4 * 8))
 
 
 def test_rings(benchmark, mesh, note):
@@ -57,8 +58,8 @@ def test_colours(benchmark, mesh, note):
 
 
 @pytest.mark.parametrize("part", ["colours", "order", "table", "blocks"])
-def test_part_of_the_schedule_of_a_million_quads(benchmark, note, smoke, part):
-    mesh = Mesh(*rough_grid(45 if smoke else 1000))
+def test_part_of_the_schedule(benchmark, note, large, part):
+    mesh = Mesh(*rough_grid(large))
     topology = mesh.topology
     stars = topology.star_offsets, topology.star_cells
     note(mesh)
@@ -77,8 +78,8 @@ def test_part_of_the_schedule_of_a_million_quads(benchmark, note, smoke, part):
 
 
 @pytest.mark.parametrize("part", ["measure", "curve", "renumber"])
-def test_renumbering_a_million_scattered_quads(benchmark, note, smoke, part):
-    points, cells, _ = renumber(*rough_grid(45 if smoke else 1000), np.random.default_rng(0))
+def test_renumbering_scattered_quads(benchmark, note, large, part):
+    points, cells, _ = renumber(*rough_grid(large), np.random.default_rng(0))
     mesh = Mesh(points, cells)
     topology = mesh.topology
     note(mesh)
@@ -93,15 +94,15 @@ def test_renumbering_a_million_scattered_quads(benchmark, note, smoke, part):
     benchmark.pedantic(call, arguments, rounds=3)
 
 
-def test_mesh_of_a_million_quads(benchmark, note, smoke):
-    points, cells = rough_grid(45 if smoke else 1000)
+def test_mesh_of_many_quads(benchmark, note, large):
+    points, cells = rough_grid(large)
     Mesh(*rough_grid(3))
     mesh = benchmark.pedantic(Mesh, (points, cells), rounds=3)
     note(mesh)
 
 
-def test_schedule_of_a_million_quads(benchmark, note, smoke):
-    mesh = Mesh(*rough_grid(45 if smoke else 1000))
+def test_schedule_of_many_quads(benchmark, note, large):
+    mesh = Mesh(*rough_grid(large))
     mesh.topology.schedule()
     everyone = np.ones(mesh.n_vertices, np.bool_)  # a selection is not kept
     benchmark.pedantic(Topology.schedule, (mesh.topology, True, everyone), rounds=3)

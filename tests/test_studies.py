@@ -9,7 +9,7 @@ STUDIES = sorted((Path(__file__).resolve().parent.parent / "studies").glob("*.py
 
 
 def test_there_are_studies():
-    assert {"methods", "peers", "subset", "targets", "triangles"} <= {path.stem for path in STUDIES}
+    assert {"methods", "subset", "targets", "triangles"} <= {path.stem for path in STUDIES}
 
 
 @pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.stem)
