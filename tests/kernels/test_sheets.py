@@ -5,7 +5,13 @@ import pytest
 
 from qsmooth import Mesh, examples
 from qsmooth.kernels._jit import use_threads
-from qsmooth.kernels.sheets import fit_along, mean_with_neighbours, order_sheets, pair_triangles
+from qsmooth.kernels.sheets import (
+    fit_along,
+    group_sizes,
+    mean_with_neighbours,
+    order_sheets,
+    pair_triangles,
+)
 
 LINE = np.array([[-1, 2], [3, -1], [0, 3], [2, 1]])  # 0 2 3 1
 RING = np.array([[1, 2], [2, 0], [0, 1]])
@@ -127,3 +133,15 @@ def test_means_are_with_the_cells_across_the_sides():
     values = np.array([[1.0], [2.0], [6.0]])
     mean_with_neighbours(top.cell_offsets, top.twins, top.corner_cells, values, means)
     assert means[:, 0] == pytest.approx([1.5, 3.0, 4.0])
+
+
+@pytest.mark.nojit
+def test_groups_are_cells_that_hang_together_across_sides():
+    topology = examples.structured(4, 3).topology
+    marked = np.array([1, 1, 0, 1, 0, 1, 0, 1, 1, 0, 0, 0], np.bool_)
+    given = marked.copy()
+    sides = topology.cell_offsets, topology.twins, topology.corner_cells
+    sizes = group_sizes(*sides, marked)
+    # Cells 0, 1 and 5; 3 and 7; and 8, which touches 5 at a corner only.
+    assert sizes.tolist() == [3, 3, 0, 2, 0, 3, 0, 2, 1, 0, 0, 0]
+    assert np.array_equal(marked, given)

@@ -143,6 +143,15 @@ def test_the_sizes_that_untangling_leaves_are_not_meant(kind):
     assert not squares.size_weight.any()
 
 
+@pytest.mark.parametrize("seed", range(1, 4))
+def test_slivers_at_a_border_are_not_meant(seed):
+    # Among so many triangles some lie side by side that are stretched alike.
+    mesh = examples.random_triangles(6000, seed=seed)
+    squares, _ = candidates(mesh.topology, mesh.xy)
+    assert squares.kind == "ideal"
+    assert not squares.size_weight.any()
+
+
 def test_ratios_are_those_of_the_mended_mesh():
     mended = examples.notch()
     xy = np.random.default_rng(0).permutation(mended.xy)

@@ -245,3 +245,37 @@ def mean_with_neighbours(
                     total += values[corner_cells[twins[k]], i]
                     count += 1
             means[c, i] = total / count
+
+
+@kernel()
+def group_sizes(
+    cell_offsets: IndexArray, twins: IndexArray, corner_cells: IndexArray, marked: BoolArray
+) -> IndexArray:
+    """Count the marked cells that hang together across sides with each marked cell, (n_cells,).
+
+    Parameters
+    ----------
+    cell_offsets, twins, corner_cells
+        As in `mean_with_neighbours`.
+    marked : (n_cells,)
+        Cells that count; the others have 0.
+    """
+    sizes = np.zeros(marked.size, np.int64)
+    group = np.empty(marked.size, np.int64)
+    for start in range(marked.size):
+        if not marked[start] or sizes[start] > 0:
+            continue
+        group[0], count, done = start, 1, 0
+        sizes[start] = 1
+        while done < count:
+            c = group[done]
+            done += 1
+            for k in range(cell_offsets[c], cell_offsets[c + 1]):
+                if twins[k] >= 0:
+                    other = corner_cells[twins[k]]
+                    if marked[other] and sizes[other] == 0:
+                        group[count], sizes[other] = other, 1
+                        count += 1
+        for i in range(count):
+            sizes[group[i]] = count
+    return sizes

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from qsmooth._types import FloatArray
+from qsmooth._types import FloatArray, IndexArray
 from qsmooth.targets.algebra import (
     corners_of_triangle,
     dots,
@@ -23,6 +23,8 @@ from qsmooth.topology import Topology
 # Averages of triangles' metrics, over so many rings, that are stretched as much mean it.
 TRIANGLE_STRETCH, TRIANGLE_RINGS = (math.log(4.0), math.log(8.0)), 4
 TRIANGLE_SCATTER = 0.6, 0.3
+# So many of them hang together: a few slivers at a border make up each other's averages.
+GROUP = 12, 36
 
 
 def fill_triangles(
@@ -53,6 +55,7 @@ def fill_triangles(
     scatter = np.sqrt(np.maximum(mean[:, 2] - stretch**2, 0.0))
     meant = step(stretch, TRIANGLE_STRETCH) * good
     meant *= step(scatter / np.maximum(stretch, TRIANGLE_STRETCH[0]), TRIANGLE_SCATTER)
+    meant *= step(_group_sizes(topology, sheets, layer, triangles, meant), GROUP)
     log_shape = np.zeros((triangles.size, 2))
     rows = np.flatnonzero(meant)
     u, w = u[rows], w[rows]
@@ -77,3 +80,21 @@ def fill_triangles(
     own = corners_of_triangle(from_log(log_shape[rows]))
     corners[first[rows, None] + np.arange(3)] = own
     area[triangles], weight[triangles] = log_det, own_weight
+
+
+def _group_sizes(
+    topology: Topology,
+    sheets: Sheets,
+    layer: FloatArray,
+    triangles: IndexArray,
+    meant: FloatArray,
+) -> FloatArray:
+    """Count what hangs together with each triangle: stretched ones, and cells of layers."""
+    from qsmooth.kernels.sheets import group_sizes
+
+    marked = np.zeros(topology.n_cells, np.bool_)
+    marked[triangles] = meant > 0.0
+    for cells in (sheets.first, sheets.second):
+        marked[cells[layer > 0.0]] = True
+    sides = topology.cell_offsets, topology.twins, topology.corner_cells
+    return np.asarray(group_sizes(*sides, marked)[triangles].astype(float))
