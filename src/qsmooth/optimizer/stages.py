@@ -41,7 +41,7 @@ WALLS = ((2, 0.7), (3, 0.8), (4, 0.85), (5, 0.9), (6, 0.9), (6, 0.95))
 # more rounds where there are layers, whose angles get better by and by.
 WALL_PATIENCE, LAYER_PATIENCE, WALL_GAIN = 1, 2, 5e-4
 # The same where sizes count: there nothing is extrapolated, and a round gains less.
-SIZED_GAIN = 3.2e-4
+SIZED_GAIN = 4e-4
 # The last walls are put up once more with walls on the shapes that stand this much farther back.
 LAST_WALLS, LOOSER = 3, 3.0
 # Then these walls stand by the worst cell of so many rings, for so many rounds each; they may cost
