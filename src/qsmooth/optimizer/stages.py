@@ -24,7 +24,7 @@ MEAN_GAIN = 1e-4
 # `MEAN_GAIN`: the larger the region that has to move, the less do sweeps. Where a round with a step
 # gains less than this the next steps are waited for longer and longer. One is tried in the end
 # where no more than this has been gained at all.
-FIRST_ROUNDS, CREEPING = 1, 2e-3
+FIRST_ROUNDS, CREEPING = 3, 5e-3
 # Of such a step the energy may rise by this fraction, if a round of sweeps then brings it below
 # what it was.
 RISE = 0.5
