@@ -6,14 +6,17 @@ assembled with all that is in it. Nothing ever calls the second and the third bu
 kernel. Without them LLVM has half as much to do for a parallel kernel. The body has to be optimised
 on its own: in the process that compiles it the kernel's copy gives way to it.
 
-All this is private to Numba. Where another version has it otherwise, all is compiled as usual.
+All this is private to Numba: with other versions than those it was tried with all is compiled as
+usual.
 """
 
 from typing import Any
 
+from numba import __version__
 from numba.core import codegen
 from numba.core.registry import cpu_target
 
+TRIED = ("0.68.",)
 # What Numba calls those libraries.
 WRAPS = ("<numba.np.ufunc.wrappers._GufuncWrapper", "parallelgufuncwrapper")
 _Library: Any = getattr(codegen, "JITCodeLibrary", object)
@@ -57,6 +60,8 @@ def _codegen() -> Any:
 
 def link_wraps() -> None:
     """From now on only link what wraps a loop; the caller holds Numba's lock."""
+    if not __version__.startswith(TRIED):
+        return
     made_by = _codegen()
     if getattr(made_by, "_library_class", None) is _Library:
         made_by._library_class = LinkedLibrary
