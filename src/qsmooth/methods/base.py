@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, TypeAlias
 
 from qsmooth._types import BoolArray
+from qsmooth.constraints import Constraints
 from qsmooth.mesh import Mesh
-from qsmooth.options import OptionError, Options, opaque, option
+from qsmooth.options import OptionError, opaque, option
 from qsmooth.result import SmoothResult, SweepRecord
 from qsmooth.selection import parse_selection, select_cells, vertices_of
 
@@ -16,8 +17,8 @@ Callback: TypeAlias = Callable[[SweepRecord], None]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Method(Options):
-    """A smoothing method and its options; these are what all methods have.
+class Method(Constraints):
+    """A smoothing method and its options; these, and `Constraints`, are what all methods have.
 
     A derived class sets the class attributes and `run`; its docstring says how it works and where
     it comes from. Called with one it is `qsmooth.smooth` that smooths.
@@ -54,19 +55,6 @@ class Method(Options):
         metavar="SECONDS",
         help="Time after which it stops with the best so far, compiling left out; results then "
         "depend on the machine.",
-    )
-    selection: Any = opaque(
-        None,
-        metavar="CELLS",
-        parse=parse_selection,
-        help="Cells whose vertices may move: ids, as in 3,7,12 (in Python also a mask), or a "
-        "threshold on a metric, as in 'max_angle > 150'.",
-    )
-    selection_rings: int = option(
-        0, within="[0, inf)", help="How often the selection grows by the cells that touch it."
-    )
-    keep_interfaces: bool = option(
-        True, help="Whether vertices on lines between regions, and on line cells, stay."
     )
     threads: int | None = option(
         None,
