@@ -195,7 +195,7 @@ def test_ratios_of_hardly_a_cell_are_none(n):
     share = n_stretched / (notch.n_cells + beside.n_cells)
     assert (share < 0.01) is (n == 120)
     mesh = Mesh(
-        np.concatenate([notch.points, beside.points + [10.0, 0.0]]),
+        np.concatenate([notch.points, beside.points + np.array([10.0, 0.0])]),
         np.concatenate([notch.cells[0], beside.cells[0] + notch.n_vertices]),
     )
     squares, ratios = candidates(mesh.topology, mesh.xy)
