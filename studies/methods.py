@@ -57,7 +57,6 @@ TITLES = {
     "simple_case": "`simple_case(12)`, 12 triangles",
 }
 SHOWN = ("laplacian", "star", "quad", "optimize")
-HELD_NOTCH = ("aspect_ratio", "shape")
 # Meshes and ways of `examples/hold_and_target.py`.
 HOLD_TITLES = {"bump": "`bump(60, height=0.8, width=0.1)`", "layer": "`boundary_layer()`"}
 
@@ -88,7 +87,7 @@ def measured(paths: list[str]) -> Columns:
 
 def measured_beside() -> dict[str, Any]:
     """What else the page tells: what holding costs, and what the targets of a layer are worth."""
-    held = smooth(notch(), hold=HELD_NOTCH)
+    held = smooth(notch(), hold=["aspect_ratio", "shape"])
     example = runpy.run_path(str(ROOT / "examples" / "hold_and_target.py"))
     rows = []
     for name, (mesh, ways) in example["RUNS"].items():
@@ -101,9 +100,9 @@ def measured_beside() -> dict[str, Any]:
                 {"mesh": name, "options": options, "heights": heights, **figures(result.after)}
             )
     return {
-        "held notch": figures(held.after),
-        "layer towards target": smooth(boundary_layer()).outcome.target.after,
-        "hold and target": rows,
+        "held_notch": figures(held.after),
+        "layer_towards_target": smooth(boundary_layer()).outcome.target.after,
+        "hold_and_target": rows,
     }
 
 
@@ -176,10 +175,9 @@ def methods_text(found: dict[str, Any]) -> str:
         for name, title in TITLES.items()
     ]
     heads = ["Mesh", "before", *(f"`{method}`" for method in SHOWN)]
-    beside = {key.replace(" ", "_"): value for key, value in found.items() if key != "meshes"}
     simple = by_mesh["simple_case"]
     over = simple["optimize"]["max_angle"] - simple["laplacian"]["max_angle"]
-    remarks = REMARKS.format(**by_mesh, **beside, over=over)
+    remarks = REMARKS.format(**by_mesh, **found, over=over)
     lines = [
         textwrap.fill(" ".join(each.split()), 106, subsequent_indent="  ", break_on_hyphens=False)
         for each in remarks.split("\n\n")
@@ -190,7 +188,7 @@ def methods_text(found: dict[str, Any]) -> str:
 def hold_text(found: dict[str, Any]) -> str:
     """The page's table of what to hold and what to aim at."""
     rows = []
-    for row in found["hold and target"]:
+    for row in found["hold_and_target"]:
         what = f"{HOLD_TITLES[row['mesh']]}, input"
         if row["options"] is not None:
             given = ", ".join(f"{key}={json.dumps(row['options'][key])}" for key in row["options"])

@@ -27,8 +27,8 @@ def test_the_page_has_the_stored_figures():
     [
         ("meshes", "spiral", "optimize", "min_angle"),  # in the table
         ("meshes", "superior_24k", "optimize", "aspect_ratio"),  # in what is said of it
-        ("held notch", "min_angle"),
-        ("hold and target", 1, "max_angle"),
+        ("held_notch", "min_angle"),
+        ("hold_and_target", 1, "max_angle"),
     ],
 )
 def test_another_figure_is_another_page(path):
@@ -58,7 +58,7 @@ def test_what_is_said_of_the_optimiser_is_so():
             if (name, method) != ("simple_case", "laplacian"):
                 assert by_method[method]["max_angle"] >= best["max_angle"]
         assert best["invalid"] == 0
-    assert FOUND["held notch"]["aspect_ratio"] <= MESHES["notch"]["before"]["aspect_ratio"]
+    assert FOUND["held_notch"]["aspect_ratio"] <= MESHES["notch"]["before"]["aspect_ratio"]
 
 
 def test_what_is_said_of_the_other_methods_is_so():
