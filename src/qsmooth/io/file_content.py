@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from qsmooth._types import FloatArray, IndexArray
+from qsmooth.checks import counted
 from qsmooth.errors import MeshError
 from qsmooth.io.in_place import InPlace, Slots
 from qsmooth.io.text import line_of
@@ -130,7 +131,8 @@ class FileContent:
             where = f"vertex {vertex}"
             if isinstance(self.slots, Slots) and self.slots.dtype is None:
                 where += f", line {line_of(self.data, int(self.slots.starts[vertex, 0]))}"
-            raise MeshError(f"{int(lost.sum())} vertices are not finite, the first is {where}")
+            n_lost = counted(int(lost.sum()), "vertex is", "vertices are")
+            raise MeshError(f"{n_lost} not finite, the first is {where}")
         refused: dict[str, tuple[int, str]] = {}
         first_cell = 0
         for b, (kind, cells) in enumerate(self.blocks):
@@ -139,10 +141,12 @@ class FileContent:
                 refused[kind] = (count + len(cells), where)
             elif cells.size and not (cells.min() >= 0 and cells.max() < n_vertices):
                 bad = (cells < 0) | (cells >= n_vertices)
-                row = int(np.flatnonzero(bad.any(axis=1))[0])
+                rows = np.flatnonzero(bad.any(axis=1))
+                row = int(rows[0])
+                n_bad = counted(rows.size, f"{kind} cell names", f"{kind} cells name")
                 raise MeshError(
-                    f"{int(bad.any(axis=1).sum())} {kind} cells name vertices outside the "
-                    f"{n_vertices} of the file, the first is {self._place(b, row, first_cell)}, "
+                    f"{n_bad} vertices outside the {n_vertices} of the file, "
+                    f"the first is {self._place(b, row, first_cell)}, "
                     f"vertex {int(cells[row][bad[row]][0])} (counted from 0)"
                 )
             first_cell += len(cells)

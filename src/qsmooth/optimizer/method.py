@@ -244,7 +244,7 @@ class Optimize(_Staged):
         inside = ground.inside
         xy = inside.at_vertices(inside.mesh.xy)
         if not self.max_sweeps:
-            progress.spent()
+            progress.spent()  # notes that no sweep is why it stops
             return _Found(xy)
         lanes, given = ground.lanes, xy.copy()  # untangling may move far more than is invalid
         if before.n_invalid:

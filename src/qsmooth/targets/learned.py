@@ -74,7 +74,7 @@ def candidates(
     quads, places = sheets.first[:n_quads], sheets.sides[:n_quads]
     plain = ideal(topology)
     area, weight, is_layer = np.zeros(topology.n_cells), plain.size_weight, plain.is_layer
-    corners = plain.corners
+    corners = plain.corners.copy()  # what does not stay is put back to the plain ones
     area[quads], weight[quads] = log_area[:n_quads], layer[:n_quads]
     fill_triangles(topology, xy, sheets, layer, log_ratio, log_area, corners, area, weight)
     changed = np.repeat(~stays, topology.cell_sizes)
