@@ -250,27 +250,27 @@ def test_fixed_vertices_stay_where_cells_lie_along_a_curve(mesh):
 
 
 def test_a_limit_names_what_sets_it():
-    points, cells = grid(4, 4)
-    points[[7, 12]] += (0.0, -0.9), (0.0, -0.2)
-    mesh = Mesh(points, cells)
+    points, cells = grid(6, 6)
+    points[25] += (0.0, -0.6)
+    mesh, kept = Mesh(points, cells), np.zeros(49, bool)
     free = limits(mesh)
     assert (free.min_angle_set_by, free.max_angle_set_by) == ("", "")
-    # Vertex 12 in the middle, between its fixed neighbours below and to the right.
-    points[13] += (0.0, -0.9)
-    mesh = Mesh(points, cells)
-    kept = np.zeros(mesh.n_vertices, bool)
-    kept[[7, 12, 13]] = True
+    # Vertex 24 in the middle, its neighbour below, and that to the right.
+    kept[[17, 24, 25]] = True
     found = limits(mesh, movable=~(mesh.is_boundary | kept))
-    assert found.min_angle < 90.0
-    assert (found.min_angle_vertex, found.min_angle_set_by) == (12, "vertices that may not move")
-    assert "set at vertex 12 by vertices that may not move" in str(found)
+    assert found.min_angle == pytest.approx(90.0 - np.degrees(np.arctan(0.6)))
+    assert (found.min_angle_vertex, found.min_angle_set_by) == (24, "vertices that may not move")
+    assert "set at vertex 24 by vertices that may not move" in str(found)
     assert found.to_dict()["min_angle_set_by"] == "vertices that may not move"
     told = smooth(mesh, fixed=kept).outcome.limits
-    assert (told.min_angle_vertex, told.min_angle_set_by) == (12, "vertices given as fixed")
+    assert (told.min_angle_vertex, told.min_angle_set_by) == (24, "vertices given as fixed")
     assert limits(mesh.with_fixed(kept)).min_angle_set_by == "fixed vertices of the mesh"
-    corner = Mesh(*(fan(5))).with_fixed(None)
-    assert limits(corner).min_angle_set_by == ""
-    with pytest.raises(ValueError, match=r"movable must be booleans of the shape \(25,\)"):
+    told = smooth(mesh, selection=[0, 35]).outcome.limits
+    assert (told.min_angle_vertex, told.min_angle_set_by) == (24, "vertices outside the selection")
+    # Five triangles round a vertex: by nothing but their count.
+    few = limits(fan(5, "triangle"))
+    assert (few.max_angle_vertex, few.max_angle_set_by) == (0, "")
+    with pytest.raises(ValueError, match=r"movable must be booleans of the shape \(49,\)"):
         limits(mesh, movable=[1, 2])
 
 
