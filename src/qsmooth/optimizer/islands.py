@@ -100,7 +100,8 @@ class Islands:
         last = np.inf if most_sweeps is None else progress.sweeps + most_sweeps
         active = self._best > 0
         before = progress.sweeps
-        ahead = Extrapolation(self._lanes.stars.vertices, ROUND, self._task.ground.engine)
+        ground = self._task.ground
+        ahead = Extrapolation(self._lanes.stars.vertices, ROUND, ground.engine, ground.rails)
         size = np.sqrt(self._task.sizes[self._vertices])
         ahead.start(xy, size)
         while active.any() and progress.sweeps < last and not progress.spent():
@@ -130,7 +131,8 @@ class Islands:
         before = xy[self._vertices]
         xy[:] = trial
         self._determinants()
-        worse = self._worst < worst - MOST_LOST * np.abs(worst)
+        with np.errstate(invalid="ignore"):  # infinite where no corner counts
+            worse = self._worst < worst - MOST_LOST * np.abs(worst)
         if worse.any():
             back = worse[self._island_of_vertex]
             xy[self._vertices[back]] = before[back]
