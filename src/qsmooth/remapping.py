@@ -35,19 +35,21 @@ class Located:
     corners: IndexArray
     weights: FloatArray
 
-    def of(self, values: FloatArray) -> FloatArray:
-        """Interpolate values at vertices, (n_vertices, k); (m, k), NaN where there is no cell.
+    def onto(self, values: FloatArray, vertices: IndexArray) -> FloatArray:
+        """Values at vertices, (n_vertices, k), with those interpolated that have moved, (m,).
 
-        A value that all corners share keeps its bits.
+        A value that all corners share keeps its bits, and so does one for which there is no cell.
         """
         base = values[self.corners[:, 0]]
         found = base.copy()
         for i in range(1, 4):
             weight = self.weights[:, i, None]
-            step = np.where(weight > 0.0, values[self.corners[:, i]] - base, 0.0)
-            found += weight * step
-        found[self.cells < 0] = np.nan
-        return found
+            counts = weight > 0.0  # what is NaN at a corner of no weight is not asked
+            found += weight * np.where(counts, values[self.corners[:, i]] - base, 0.0)
+        out = values.copy()
+        known = self.cells >= 0
+        out[vertices[known]] = found[known]
+        return out
 
 
 def locate(
@@ -170,14 +172,14 @@ def transfer(
 
     Notes
     -----
-    L. G. Margolin, M. Shashkov, "Second-order sign-preserving conservative interpolation (remapping)
-    on general grids", J. Comput. Phys. 184 (2003), section 4: swept regions, without the repair of
-    signs. Where an edge would sweep over more than a quarter of a cell it goes in several steps,
-    as long as cells on the way have positive areas.
+    L. G. Margolin, M. Shashkov, "Second-order sign-preserving conservative interpolation
+    (remapping) on general grids", J. Comput. Phys. 184 (2003): swept regions, without the repair
+    of signs. Where an edge would sweep over more than a quarter of a cell it goes in several
+    steps, as long as cells on the way have positive areas.
 
-    A cell that is not valid is interpolated in as two triangles, if a diagonal makes these positive;
-    it is left out else. Of several cells on top of each other the first on the way counts, or the
-    one nearest to where the vertex was.
+    A quad that is not valid is interpolated in as two triangles, if a diagonal makes these
+    positive; it is left out else, like an inverted triangle. Of several cells on top of each other
+    the first on the way counts, or the one nearest to where the vertex was.
     """
     old, new = as_mesh(old_mesh), as_mesh(new_mesh)
     if at not in ("vertices", "cells"):
@@ -195,8 +197,7 @@ def transfer(
     table = np.array(given, np.float64, order="C").reshape(n_rows, -1)
     if at == "vertices":
         moved = np.flatnonzero((old.xy != new.xy).any(axis=1) & old.topology.used)
-        fresh = at_vertices(old, new.xy[moved], moved).of(table)
-        table[moved] = np.where(np.isnan(fresh), table[moved], fresh)
+        table = at_vertices(old, new.xy[moved], moved).onto(table, moved)
     elif conserve:
         table = _conserved(old, new.xy, table)
     else:

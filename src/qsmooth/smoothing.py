@@ -28,7 +28,8 @@ def smooth(mesh: Any, method: str | Method = "auto", **options: Any) -> SmoothRe
         `split_quads` is given.
     options
         Options of the method, described there. All have ``max_sweeps``, ``time_limit``,
-        ``selection``, ``selection_rings``, ``keep_interfaces``, ``threads`` and ``callback``.
+        ``selection``, ``selection_rings``, ``keep_interfaces``, ``threads``, ``callback``,
+        ``carry`` and ``interpolate``.
 
     Returns
     -------
@@ -46,7 +47,7 @@ def smooth(mesh: Any, method: str | Method = "auto", **options: Any) -> SmoothRe
         If a pair is no mesh.
     """
     method, chosen = _chosen(method, options)
-    return method.run(to_mesh(mesh), chosen)
+    return method.smooth(to_mesh(mesh), chosen)
 
 
 def untangle(mesh: Any, **options: Any) -> SmoothResult:
@@ -74,7 +75,7 @@ def untangle(mesh: Any, **options: Any) -> SmoothResult:
     MeshError
         If a pair is no mesh.
     """
-    return all_methods()["untangle"].of(options).run(to_mesh(mesh))
+    return all_methods()["untangle"].of(options).smooth(to_mesh(mesh))
 
 
 def compare(
@@ -109,7 +110,7 @@ def compare(
     skipped = {name: spelled(why) for name, m in chosen.items() if (why := m.why_not(mesh))}
     if len(chosen) == 1:
         skipped = {}  # asked for alone it says itself why it can't
-    return {name: m.run(mesh) for name, m in chosen.items() if name not in skipped}, skipped
+    return {name: m.smooth(mesh) for name, m in chosen.items() if name not in skipped}, skipped
 
 
 def numbered(chosen: Iterable[Method]) -> dict[str, Method]:

@@ -46,7 +46,7 @@ SurfaceOption = Annotated[
     typer.Option(
         "--surface",
         help="What z means: [b]auto[/b], the mesh lies in one plane; [b]flat[/b], z is a value on "
-        "a mesh in x and y, such as depth, and is carried along.",
+        "a mesh in x and y, such as depth; where vertices move it is interpolated.",
         rich_help_panel=FILES,
     ),
 ]

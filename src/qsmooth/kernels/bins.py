@@ -158,9 +158,7 @@ def _nearest(
                     for k in range(first, last):
                         v = cell_vertices[k]
                         w = cell_vertices[k + 1 if k + 1 < last else first]
-                        ex, ey = _nearest_on_edge(
-                            xy[v, 0], xy[v, 1], xy[w, 0], xy[w, 1], px, py
-                        )
+                        ex, ey = _nearest_on_edge(xy[v, 0], xy[v, 1], xy[w, 0], xy[w, 1], px, py)
                         far = math.hypot(ex - px, ey - py)
                         if far < least:
                             best, least, bx, by = c, far, ex, ey
@@ -197,9 +195,7 @@ def locate_by_bins(
     for i in prange(len(places)):
         px, py = places[i, 0], places[i, 1]
         bx, by = _bin(px, low[0], size, shape[0]), _bin(py, low[1], size, shape[1])
-        c = _holding(
-            xy, cells, bins, by * shape[0] + bx, px, py, near[i, 0], near[i, 1]
-        )
+        c = _holding(xy, cells, bins, by * shape[0] + bx, px, py, near[i, 0], near[i, 1])
         if c < 0:
             c, px, py = _nearest(xy, cells, bins, (bx, by), size, shape, px, py)
         found[i] = c

@@ -1,6 +1,5 @@
 """Slopes of what is known as one number a cell."""
 
-import numpy as np
 from numba import prange
 
 from qsmooth._types import FloatArray, IndexArray

@@ -7,7 +7,6 @@ Which cell a place is in goes by exact orientations; a place on an edge is in bo
 
 import math
 
-import numpy as np
 from numba import prange
 
 from qsmooth._types import FloatArray, IndexArray
@@ -34,9 +33,7 @@ def kind_of(xy: FloatArray, cell_vertices: IndexArray, first: int, last: int) ->
         return TRIANGLE if at_b else FOLDED
     d = cell_vertices[first + 3]
     from_first = at_b and turn(xy, c, d, xy[a, 0], xy[a, 1]) > 0
-    from_second = (
-        turn(xy, d, a, xy[b, 0], xy[b, 1]) > 0 and turn(xy, b, c, xy[d, 0], xy[d, 1]) > 0
-    )
+    from_second = turn(xy, d, a, xy[b, 0], xy[b, 1]) > 0 and turn(xy, b, c, xy[d, 0], xy[d, 1]) > 0
     if from_first and from_second:
         return CONVEX
     if from_first:
@@ -63,7 +60,12 @@ def _in_triangle(xy: FloatArray, a: int, b: int, c: int, px: float, py: float) -
 
 @strict_helper()
 def holds(
-    xy: FloatArray, cell_vertices: IndexArray, ends: tuple[int, int], kind: int, px: float, py: float
+    xy: FloatArray,
+    cell_vertices: IndexArray,
+    ends: tuple[int, int],
+    kind: int,
+    px: float,
+    py: float,
 ) -> bool:
     """Whether a place is in a cell of this kind or on its edges."""
     if kind == FOLDED:
@@ -223,9 +225,7 @@ def locate(
     cell_offsets, cell_vertices = cells
     for i in prange(len(places)):
         px, py = places[i, 0], places[i, 1]
-        c = find_by_walking(
-            xy, cell_offsets, cell_vertices, twins, corner_cells, starts[i], px, py
-        )
+        c = find_by_walking(xy, cell_offsets, cell_vertices, twins, corner_cells, starts[i], px, py)
         found[i] = c
         if c >= 0:
             ends = cell_offsets[c], cell_offsets[c + 1]
