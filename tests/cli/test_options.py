@@ -41,6 +41,8 @@ def other_value(spec):
         return value, [flag, value]
     if spec.name == "hold":
         return ("aspect_ratio", "shape"), [flag, "shape,aspect_ratio"]
+    if spec.name == "interpolate":
+        return ("bed", "wind"), [flag, "bed, wind"]
     if spec.name == "target":
         return "initial", [flag, "initial"]
     if spec.kind == "object":

@@ -90,11 +90,14 @@ def read(path: Path, surface: Surface, format: str | None) -> Mesh:
         return read_mesh(path, surface=surface.value, format=format)
 
 
-def require_format(path: Path, mesh: Mesh, name: str | None) -> None:
-    """Refuse a format that can't be written before the work, and not after it."""
-    from qsmooth.io import format_of
+def require_format(path: Path, mesh: Mesh, name: str | None, *, point_data: bool = False) -> None:
+    """Refuse a format that can't be written, or holds no point data, before the work."""
+    from qsmooth.io import format_of, require_point_data
 
-    format_of(path, mesh, format=name)
+    if point_data:
+        require_point_data(path, mesh, format=name)
+    else:
+        format_of(path, mesh, format=name)
 
 
 def refuse_unsafe(mesh_file: Path, output: Path, overwrite: bool, json_file: Path | None) -> None:

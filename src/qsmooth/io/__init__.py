@@ -219,7 +219,9 @@ def _written_in_place(source: FileContent, mesh: Mesh) -> bytes:
     if source.slots is not None:
         data = source.slots.write(data, source.points, np.asarray(mesh.points))
     form = named(source.format)
-    for name in sorted(source.changed) if form is not None else ():
+    if form is None:
+        return data
+    for name in sorted(source.changed):
         # Read again, as with every array that is written the places of others change.
         content = form.read(_clean(data))
         old, new = (_as_columns(of.point_data[name]) for of in (content, source))
