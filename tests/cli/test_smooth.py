@@ -290,7 +290,7 @@ def test_point_data_is_interpolated_where_it_is_named(call, fails, tmp_path):
     for name, words in (("bad", "did you mean 'bed'?"), ("id", "floats, 'id' is int64")):
         assert words in fails("smooth", path, "-o", tmp_path / "no.vtu", "--interpolate", name)
     message = fails("smooth", path, "-o", tmp_path / "no.off", *flags)
-    assert "format off holds no point data" in message
+    assert f"--interpolate: format off of '{tmp_path / 'no.off'}' holds no point data" in message
     assert not (tmp_path / "no.off").exists()
     assert call("untangle", path, "-o", tmp_path / "no.vtu", "--interpolate", "bed")[0] == 0
 

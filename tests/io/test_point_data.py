@@ -5,14 +5,12 @@ import re
 import struct
 import zlib
 
-import meshio
 import numpy as np
 import pytest
 
 from meshes import rough_grid
-from qsmooth import from_meshio, read_mesh, smooth, write_mesh
-from qsmooth.errors import MeshError
-from qsmooth.io import require_point_data
+from qsmooth import read_mesh, smooth, write_mesh
+from qsmooth.io import holds_point_data
 
 pytestmark = pytest.mark.nojit
 
@@ -174,8 +172,7 @@ def test_another_format_gets_the_new_values(tmp_path):
         np.testing.assert_allclose(flow, 3.0 + result.mesh.xy @ [2.0, -1.0], rtol=1e-14)
 
 
-def test_a_format_without_point_data_is_refused(tmp_path):
-    mesh = from_meshio(meshio.Mesh(POINTS, [("quad", QUADS)], point_data={"bed": BED}))
-    require_point_data(tmp_path / "a.vtu", mesh)
-    with pytest.raises(MeshError, match=r"a\.msh': format gmsh holds no point data"):
-        require_point_data(tmp_path / "a.msh", mesh)
+def test_what_keeps_point_data():
+    assert holds_point_data("vtu")
+    assert holds_point_data("xdmf")
+    assert not holds_point_data("gmsh")

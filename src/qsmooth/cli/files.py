@@ -90,14 +90,17 @@ def read(path: Path, surface: Surface, format: str | None) -> Mesh:
         return read_mesh(path, surface=surface.value, format=format)
 
 
-def require_format(path: Path, mesh: Mesh, name: str | None, *, point_data: bool = False) -> None:
-    """Refuse a format that can't be written, or holds no point data, before the work."""
-    from qsmooth.io import format_of, require_point_data
+def require_format(
+    path: Path, mesh: Mesh, name: str | None, interpolate: tuple[str, ...] = ()
+) -> None:
+    """Refuse a format that can't be written, or holds no data to interpolate, before the work."""
+    from qsmooth.carrying import require_data
+    from qsmooth.io import format_of, holds_point_data
 
-    if point_data:
-        require_point_data(path, mesh, format=name)
-    else:
-        format_of(path, mesh, format=name)
+    found = format_of(path, mesh, format=name)
+    require_data(mesh, interpolate)
+    if interpolate and not holds_point_data(found):
+        raise ValueError(f"--interpolate: format {found} of '{path}' holds no point data")
 
 
 def refuse_unsafe(mesh_file: Path, output: Path, overwrite: bool, json_file: Path | None) -> None:

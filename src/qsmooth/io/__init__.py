@@ -133,18 +133,10 @@ def format_of(path: PathLike, mesh: Mesh, *, format: str | None = None) -> str:
     return name
 
 
-def require_point_data(path: PathLike, mesh: Mesh, *, format: str | None = None) -> None:
-    """Refuse a format that can't keep the point data that the mesh has.
-
-    Raises
-    ------
-    MeshError
-        Naming the format.
-    """
-    name = format_of(path, mesh, format=format)
+def holds_point_data(name: str) -> bool:
+    """Whether a format can keep point data; of meshio's that is seen when it is written."""
     form = named(name)
-    if form is not None and "point_data" not in form.HOLDS:
-        raise MeshError(f"cannot write '{path}': format {name} holds no point data")
+    return form is None or "point_data" in form.HOLDS
 
 
 def _read(path: Path, name: str | None) -> FileContent:
