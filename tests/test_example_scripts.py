@@ -108,11 +108,10 @@ def poisson(said, folder):
 
 
 def shallow_water(said, folder):
-    rows = re.findall(
-        r"^ +([\d.]+) +([\d.]+) to ([\d.]+) +([\d.]+)° +([\d.]+)$", said, re.MULTILINE
-    )
+    pattern = r"^ +[\d.]+ +([\d.]+) to ([\d.]+) +([\d.]+)° +([\d.]+)$"
+    rows = re.findall(pattern, said, re.MULTILINE)
     assert len(rows) == 8
-    time, low, high, angle, volume = np.array(rows, float).T
+    low, high, angle, volume = np.array(rows, float).T
     assert np.ptp(low) > 0.3
     assert np.ptp(high) > 0.3  # the shore goes up and down
     assert angle.min() > 30.0
@@ -151,7 +150,8 @@ def test_script(script, tmp_path):
         encoding="utf-8",
         check=False,
     )
-    assert (done.returncode, done.stderr) == (code, "")
+    said = done.stderr.replace("compiling, first time only\n", "")
+    assert (done.returncode, said) == (code, "")
     check(done.stdout, folder)
     assert [path.name for path in tmp_path.iterdir()] == ["out"]  # nothing beside the folder given
 
