@@ -296,12 +296,16 @@ def worst_cell_keeps_its_quality(seen: Run):
 
 
 def what_must_rest_rests(seen: Run):
-    """Fixed vertices, interfaces, what is not selected and values keep their bits."""
+    """Fixed vertices, interfaces and what is not selected keep their bits, and values theirs."""
     mesh, points = seen.mesh, seen.result.points
     rests = ~movable_vertices(mesh, seen.method)
     assert points[rests].tobytes() == mesh.points[rests].tobytes(), "moved what is fixed"
     if mesh.surface == "flat":
-        assert points[:, 2:].tobytes() == mesh.points[:, 2:].tobytes(), "changed a value"
+        z, was = points[:, 2], mesh.points[:, 2]
+        if seen.method.carry == "keep":
+            assert z.tobytes() == was.tobytes(), "changed a value"
+        assert z.min() >= was.min(), "a value below all others"
+        assert z.max() <= was.max(), "a value over all others"
     assert np.isfinite(points).all(), "lost a vertex"
     assert all(
         np.array_equal(a, b) for a, b in zip(seen.result.mesh.cells, mesh.cells, strict=True)
@@ -572,12 +576,33 @@ def can_be_told(seen: Run):
     assert "\n" not in seen.result.reason
 
 
+def values_are_those_of_the_input(seen: Run):
+    """Each z is the one that some cell of the input has there, and the outcome says the change."""
+    mesh, result = seen.mesh, seen.result
+    flat = mesh.surface == "flat" and not np.array_equal(result.mesh.xy, mesh.xy)
+    assert [record.name for record in result.outcome.carried] == ["z"] * flat
+    if not flat:
+        return
+    (record,) = result.outcome.carried
+    moved = (result.mesh.xy != mesh.xy).any(axis=1)
+    assert record.vertices == moved.sum()
+    assert record.interpolated == (seen.method.carry == "interpolate")
+    change = np.abs(result.points - mesh.points)[moved, 2]
+    if record.interpolated:
+        assert record.largest == change.max(), "tells of another change"
+        np.testing.assert_allclose(record.rms, np.sqrt((change**2).mean()), rtol=1e-9, atol=0)
+    else:
+        again = smooth(mesh, replace(seen.method, carry="interpolate", callback=None))
+        assert record == replace(again.outcome.carried[0], interpolated=False)
+
+
 OF_ONE_RUN = [
     corners_stay_convex,
     invalid_cells_get_no_more,
     worst_cell_keeps_its_quality,
     what_must_rest_rests,
     nothing_is_too_far,
+    values_are_those_of_the_input,
     figures_get_no_worse,
     trades_are_told,
     what_holds_back_is_told,

@@ -222,6 +222,31 @@ class Held:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Carried:
+    """A value that belongs to places, where vertices have moved.
+
+    Attributes
+    ----------
+    name
+        ``z`` of a flat mesh, or the name of point data.
+    interpolated
+        Whether it was interpolated in the input mesh, or kept with its vertices.
+    vertices
+        How many vertices have moved.
+    largest, rms
+        How far off the input's own values it is at these where it moves along with them, in its
+        own unit: the largest error, and the root of the mean square. By as much interpolation has
+        changed it.
+    """
+
+    name: str
+    interpolated: bool
+    vertices: int
+    largest: float
+    rms: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class Outcome:
     """What a method did and why it stopped.
 
@@ -260,6 +285,8 @@ class Outcome:
         where no sweep was allowed.
     sizes
         What became of the cells' sizes; None where there is no target.
+    carried
+        What became of values that belong to places, a record each.
     limits
         Provable bounds of the angles, `qsmooth.Limits`, where the method works them out.
     """
@@ -281,6 +308,7 @@ class Outcome:
     cut: Cut | None = None
     target: Target | None = None
     sizes: Sizes | None = None
+    carried: tuple[Carried, ...] = ()
     limits: Any = None
 
     @property
@@ -291,7 +319,7 @@ class Outcome:
     def to_dict(self) -> dict[str, Any]:
         """Plain values, fit for JSON: None for what is not finite."""
         plain: dict[str, Any] = {**vars(self), "stop": self.stop.value, "sweeps": self.sweeps}
-        for name in ("stages", "trades", "held"):
+        for name in ("stages", "trades", "held", "carried"):
             plain[name] = [asdict(record) for record in plain[name]]
         for name in ("forbidden", "invalid", "cut", "target", "sizes"):
             plain[name] = None if plain[name] is None else asdict(plain[name])

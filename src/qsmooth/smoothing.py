@@ -38,8 +38,8 @@ def smooth(
         What may move, where to, and how far; the same as its fields given among the options.
     options
         Options of the method, described there. All have ``max_sweeps``, ``time_limit``,
-        ``threads``, ``callback``, and the fields of `Constraints`: ``fixed``, ``max_move``,
-        ``directions``, ``selection`` and others.
+        ``threads``, ``callback``, ``carry``, ``interpolate``, and the fields of `Constraints`:
+        ``fixed``, ``max_move``, ``directions``, ``selection`` and others.
 
     Returns
     -------
@@ -58,7 +58,7 @@ def smooth(
         If a pair is no mesh.
     """
     method, chosen = _chosen(method, options, constraints)
-    return method.run(to_mesh(mesh), chosen)
+    return method.smooth(to_mesh(mesh), chosen)
 
 
 def untangle(mesh: Any, *, constraints: Constraints | None = None, **options: Any) -> SmoothResult:
@@ -87,7 +87,7 @@ def untangle(mesh: Any, *, constraints: Constraints | None = None, **options: An
         If a pair is no mesh.
     """
     given = _with_constraints(options, constraints)
-    return all_methods()["untangle"].of(given).run(to_mesh(mesh))
+    return all_methods()["untangle"].of(given).smooth(to_mesh(mesh))
 
 
 def compare(
@@ -129,7 +129,7 @@ def compare(
     skipped = {name: spelled(why) for name, m in chosen.items() if (why := m.why_not(mesh))}
     if len(chosen) == 1:
         skipped = {}  # asked for alone it says itself why it can't
-    return {name: m.run(mesh) for name, m in chosen.items() if name not in skipped}, skipped
+    return {name: m.smooth(mesh) for name, m in chosen.items() if name not in skipped}, skipped
 
 
 def numbered(chosen: Iterable[Method]) -> dict[str, Method]:

@@ -47,7 +47,7 @@ def method_with(name: str, options: Mapping[str, Any]) -> tuple[Method, str]:
 def run(mesh: Mesh, method: Method, why: str = "") -> SmoothResult:
     """Smooth a mesh, and show how far it is."""
     with progress(method.name, method.max_sweeps, method.sweeps_a_record) as callback:
-        return replace(method, callback=callback).run(mesh, why)
+        return replace(method, callback=callback).smooth(mesh, why)
 
 
 def limits_of(before: Mesh, result: SmoothResult, method: Method) -> Limits:

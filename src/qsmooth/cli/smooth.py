@@ -66,7 +66,7 @@ def smooth(
     options = options or {}
     chosen, why = running.method_with(method, options)
     mesh = files.read(mesh_file, surface, format)
-    files.require_format(output, mesh, output_format)
+    files.require_format(output, mesh, output_format, chosen.interpolate)
     result = running.run(mesh, chosen, why)
     limits = running.limits_of(mesh, result, chosen)
     from qsmooth.io import write_mesh

@@ -35,7 +35,7 @@ def untangle(
     options = options or {}
     method = all_methods()["untangle"].of(options)
     mesh = files.read(mesh_file, surface, format)
-    files.require_format(output, mesh, output_format)
+    files.require_format(output, mesh, output_format, method.interpolate)
     result = running.run(mesh, method)
     write_mesh(output, result.mesh, format=output_format)
     n_invalid = result.after.n_invalid

@@ -62,13 +62,15 @@ class FileContent:
     point_data, cell_data, field_data, point_sets, cell_sets
         As in meshio: cell data is an array for each block, a cell set the cell numbers
         within each block.
+    changed
+        Names of point data whose values are no longer those of the file.
     extras
         What else was seen in the file; kept in its own format, lost in any other.
     notes
         What was odd in the file and yet could be read rightly.
-    format, ending, data, slots
+    format, ending, data, slots, data_slots
         Where it comes from: name of the format, ending and bytes of the file, place of its
-        coordinates.
+        coordinates and of its point data, by name, as far as that can be written back.
         `slots` is None where there is no file or where it cannot be written back.
     places
         For each block the byte at which each cell stands, for messages; or None.
@@ -83,12 +85,14 @@ class FileContent:
     field_data: dict[str, Any] = field(default_factory=dict)
     point_sets: dict[str, Any] = field(default_factory=dict)
     cell_sets: dict[str, list[Any]] = field(default_factory=dict)
+    changed: frozenset[str] = frozenset()
     extras: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     format: str = ""
     ending: str = ""
     data: bytes = b""
     slots: InPlace | None = None
+    data_slots: dict[str, InPlace] = field(default_factory=dict)
     places: list[IndexArray] | None = None
 
     @property
@@ -217,7 +221,11 @@ def of_mesh(mesh: Mesh) -> FileContent:
     source = mesh.source
     points = np.array(mesh.points)
     if isinstance(source, FileContent):
-        fields = {key: value for key, value in vars(source).items() if key not in ("data", "slots")}
+        fields = {
+            key: value
+            for key, value in vars(source).items()
+            if key not in ("data", "slots", "data_slots")
+        }
         return FileContent(**{**fields, "points": points})
     blocks = [("triangle" if cells.shape[1] == 3 else "quad", cells) for cells in mesh.cells]
     tags = None
