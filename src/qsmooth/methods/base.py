@@ -13,7 +13,7 @@ from qsmooth.options import OptionError, opaque, option
 from qsmooth.result import SmoothResult, SweepRecord
 from qsmooth.selection import parse_selection, select_cells, vertices_of
 
-Callback: TypeAlias = Callable[[SweepRecord], None]
+Callback: TypeAlias = Callable[[SweepRecord], object]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,7 +65,8 @@ class Method(Constraints):
     callback: Callback | None = opaque(
         None,
         flag=None,
-        help="Called after each sweep, of optimize each round of ten, with its `SweepRecord`.",
+        help="Called after each sweep, of optimize each round of ten, with its `SweepRecord`; True "
+        "stops with the best so far. What it raises gets through, with that as its `result`.",
     )
 
     def __post_init__(self) -> None:

@@ -16,6 +16,7 @@ from qsmooth.kernels.compiling import clock
 from qsmooth.kernels.stars import Moves, Stars
 from qsmooth.mesh import Mesh
 from qsmooth.methods.base import Method
+from qsmooth.methods.watching import Watch
 from qsmooth.metrics import Quality, Validity, quality
 from qsmooth.numbering import Inside
 from qsmooth.options import OptionError, option
@@ -129,6 +130,7 @@ class SweepingMethod(Method):
 
     def run(self, mesh: Mesh, chosen: str = "") -> SmoothResult:
         """Sweep until every vertex rests, quality no longer improves, or no more is allowed."""
+        watch = Watch(self)
         inside = Inside(mesh, kept=not self.max_sweeps)
         before = inside.quality(mesh)
         cut = self._cut(mesh)
@@ -137,7 +139,7 @@ class SweepingMethod(Method):
         if selected is not None and cut is not mesh:
             selected = np.repeat(selected, mesh.topology.cell_sizes - 2)
         topology, only = swept.topology, inside.chosen_vertices(only)
-        run = _Run(self, inside.topology, inside.at_vertices(mesh.xy), before)
+        run = _Run(self, inside.topology, inside.at_vertices(mesh.xy), before, watch)
         movable = topology.movable(self.keep_interfaces)
         n_movable = int((movable if only is None else movable & only).sum())
         engine = threads_for(self.threads, n_movable) if n_movable else None
@@ -159,7 +161,7 @@ class SweepingMethod(Method):
             points = stored(cut, xy).points
             result = mesh if points is mesh.points else mesh.with_points(points)
         after = before if result is mesh else inside.quality(result)
-        return SmoothResult(
+        summed_up = SmoothResult(
             mesh=result,
             outcome=run.outcome(
                 method=self.name,
@@ -181,6 +183,7 @@ class SweepingMethod(Method):
             quality_after=after,
             seconds=run.seconds,
         )
+        return watch.give_back(summed_up)
 
     def _cut(self, mesh: Mesh) -> Mesh:
         """Return the mesh that is swept: with its quads cut in two, if that is asked for."""
@@ -217,9 +220,14 @@ class _Run:
     """The sweeps of one call: coordinates, history, clock, and why they stopped."""
 
     def __init__(
-        self, method: SweepingMethod, topology: Topology, xy: FloatArray, before: Quality
+        self,
+        method: SweepingMethod,
+        topology: Topology,
+        xy: FloatArray,
+        before: Quality,
+        watch: Watch,
     ) -> None:
-        self.method, self.topology, self.xy = method, topology, xy
+        self.method, self.topology, self.xy, self.watch = method, topology, xy, watch
         self.history: list[SweepRecord] = []
         self.stages: list[Stage] = []
         self.seconds = 0.0
@@ -228,7 +236,7 @@ class _Run:
 
     def stage(self, setting: Setting, engine: Engine, n_sweeps: int) -> None:
         """Sweep so often at most."""
-        if self.stop is Stop.TIME_LIMIT:
+        if self.stop in (Stop.TIME_LIMIT, Stop.CALLBACK):
             return
         n_movable = setting.stars.vertices.size
         moves = Moves(np.zeros(n_movable), np.zeros(n_movable))
@@ -241,8 +249,7 @@ class _Run:
             engine.run(lambda colours: sweep.move(self.xy, colours, moves), sweep.n_colours)
             self.seconds += clock() - started
             self.history.append(record(Quality(self.topology, self.xy), *moves))
-            if self.method.callback is not None:
-                self.method.callback(self.history[-1])
+            self.watch.tell(self.history[-1])
             self.stop = self._why_stop(self.history[first:])
         past = self.history[first - 1] if first else self._start
         self.stages.append(
@@ -255,9 +262,8 @@ class _Run:
         )
 
     def _why_stop(self, records: list[SweepRecord]) -> Stop | None:
-        allowed = self.method.time_limit
-        if allowed is not None and self.seconds >= allowed:
-            return Stop.TIME_LIMIT
+        if (cut_short := self.watch.stop()) is not None:
+            return cut_short
         if self.method.rtol == 0.0:
             return None
         if records[-1].largest_share <= self.method.rtol:

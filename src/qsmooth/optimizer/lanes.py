@@ -136,6 +136,8 @@ class Lanes:
         for _ in range(n_sweeps):
             self._engine.run(sweep, self.n_colours)
             progress.sweeps += 1
+            if progress.cut_short():
+                return
             if ahead is not None:
                 ahead.note(xy)
         if ahead is not None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from qsmooth._types import FloatArray
 from qsmooth.engine import threads_for
+from qsmooth.kernels.compiling import clock
 from qsmooth.mesh import Mesh
 from qsmooth.methods.base import Method
 from qsmooth.methods.driver import invalid_cells, stored
@@ -83,6 +84,7 @@ class _Staged(Method):
 
     def run(self, mesh: Mesh, chosen: str = "") -> SmoothResult:
         """Go through the stages, and sum up."""
+        started = clock()
         inside = Inside(mesh, kept=not self.max_sweeps)
         before = inside.quality(mesh)
         only, _ = self.selected(mesh)
@@ -90,7 +92,7 @@ class _Staged(Method):
         if only is not None:
             movable &= only
         n_movable = int(movable.sum())
-        progress = Progress(self, before)
+        progress = Progress(self, before, started)
         result, found, after = mesh, _Found(inside.at_vertices(mesh.xy)), before
         bounds = None
         if n_movable:
@@ -111,7 +113,7 @@ class _Staged(Method):
         if found.start is not None and before.n_invalid:
             start = inside.quality_at(found.start)
         trades, sizes = judged(before, start, after, found.target, found.layers)
-        return SmoothResult(
+        summed_up = SmoothResult(
             mesh=result,
             outcome=Outcome(
                 method=self.name,
@@ -136,10 +138,11 @@ class _Staged(Method):
             quality_after=after,
             seconds=seconds,
         )
+        return progress.watch.give_back(summed_up)
 
     def _stop_at(self, stop: Stop) -> float:
         """Value of the option that stopped it, which has the stop's name; NaN where none did."""
-        value = getattr(self, stop.value, None)
+        value = None if stop is Stop.CALLBACK else getattr(self, stop.value, None)
         return math.nan if value is None else float(value)
 
     def stages(self, ground: Ground, before: Quality, progress: Progress) -> _Found:
@@ -320,8 +323,8 @@ class Optimize(_Staged):
             targets = targets_inside(targets, inside)
             best, xy = self._aimed(lanes, targets, start, progress, keep_mean)
             runs.append((best.figures.plain_shape, targets, best, xy))
-            if best.figures.plain_shape * CLEARLY >= 1.0:
-                break  # no other can be so much better
+            if best.figures.plain_shape * CLEARLY >= 1.0 or progress.spent():
+                break  # no other can be so much better, or there is no time to try
         if callable(self.target):
             for _ in range(ASKINGS):
                 _, old, best, xy = runs[-1]
