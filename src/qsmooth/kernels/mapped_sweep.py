@@ -18,6 +18,7 @@ from numba import prange
 from qsmooth._types import FloatArray, TableArray
 from qsmooth.kernels._jit import helper, parallel_kernel
 from qsmooth.kernels.blocks import LANES, Block, Blocks, Rows, block_at
+from qsmooth.kernels.confining import confined
 from qsmooth.kernels.lanes import (
     ENERGY,
     FRACTIONS,
@@ -40,9 +41,11 @@ from qsmooth.kernels.lanes import (
     gather_block,
     newton_step,
     start_trial,
+    steps_on_rails,
     store_better,
 )
 from qsmooth.kernels.newton_sweep import N_SEEN, SEEN, Wall, gather_held
+from qsmooth.kernels.rails import Rails
 from qsmooth.kernels.star_energy import (
     RowArrays,
     Terms,
@@ -141,6 +144,7 @@ def _move_block(
     mapped: FloatArray,
     s: FloatArray,
     own: FloatArray,
+    rails: Rails,
     lengths: FloatArray,
 ) -> None:
     gather_block(xy, vertices, stars, block, star_xy, s, lengths)
@@ -169,12 +173,14 @@ def _move_block(
             add_size(star_xy, s, at, at + ROW2, n, sizes, k_row, weight)
         take_back(own, n, maps, k_row, s)
     left = newton_step(s, n)
+    if confined(rails):
+        left = steps_on_rails(s, vertices, block.first, n, rails)
     everyone = (n - n, n)  # of one type
     fraction = relaxation
     for attempt in range(len(FRACTIONS) + 1):
         if left == 0.0:
             break
-        start_trial(s, everyone, fraction)
+        start_trial(s, everyone, fraction, vertices, block.first, rails)
         for k in range(quads + triangles):
             at, k_row = min(k, quads) * ROW2 + k * ROW4, row + k * n
             map_trial(s, everyone, maps, k_row, own)
@@ -226,7 +232,8 @@ def mapped_sweep(
         As in `newton_sweep.newton_sweep`.
     """
     terms = Terms(wall.mean_weight, 1.0 / wall.threshold, wall.squarings, 2.0**wall.squarings)
-    colour_blocks, table, vertices, stars, _, largest = blocks
+    colour_blocks, table, vertices, stars, _, largest, own = blocks
+    rails = Rails(*own)
     shapes, shape_walls = (rows.m11, rows.m12, rows.m22), (rows.slim, rows.near)
     sizes, own_maps = (rows.area, rows.inv_area, rows.size_weight), (maps.l11, maps.l12, maps.l22)
     corner_walls = np.zeros(rows.slim.size), rows.near
@@ -250,5 +257,6 @@ def mapped_sweep(
                 mapped,
                 np.empty(N_ROWS * LANES),
                 np.zeros(N_ROWS * LANES),
+                rails,
                 lengths,
             )
