@@ -29,6 +29,8 @@ from .output.figures import plot_mesh as plot_mesh
 from .result import History as History
 from .result import SmoothResult as SmoothResult
 from .result import SweepRecord as SweepRecord
+from .session import Smoother as Smoother
+from .session import StepRecord as StepRecord
 from .smoothing import compare as compare
 from .smoothing import smooth as smooth
 from .smoothing import untangle as untangle

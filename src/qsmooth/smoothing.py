@@ -45,7 +45,7 @@ def smooth(mesh: Any, method: str | Method = "auto", **options: Any) -> SmoothRe
     MeshError
         If a pair is no mesh.
     """
-    method, chosen = _chosen(method, options)
+    method, chosen = method_of(method, options)
     return method.run(to_mesh(mesh), chosen)
 
 
@@ -154,8 +154,14 @@ def configured(
     return [thing.of(own[thing.name]) if isinstance(thing, type) else thing for thing in given]
 
 
-def _chosen(method: str | Method, options: dict[str, Any]) -> tuple[Method, str]:
-    """Make the method with its options; also why it was chosen, for ``"auto"``."""
+def method_of(method: str | Method, options: dict[str, Any]) -> tuple[Method, str]:
+    """Make the method with its options; also why it was chosen, for ``"auto"``.
+
+    Raises
+    ------
+    ValueError, TypeError
+        As in `smooth`.
+    """
     if isinstance(method, Method):
         _require_none_beside(method, options)
         return method, ""

@@ -37,9 +37,9 @@ from qsmooth.kernels.cell_lanes import (
 from qsmooth.kernels.geometry import certainly_left
 from qsmooth.kernels.star_energy import SINE_60
 
-# Rows of figures: the largest and the smallest cosine and the smallest sine of a cell's corners that
-# can change, and the smallest sine of all, in a triangle over that of 60 degrees, each squared with
-# its sign kept; 1 where the cell is valid beyond rounding, else 0.
+# Rows of figures: the largest and the smallest cosine and the smallest sine of a cell's corners
+# that can change, and the smallest sine of all, in a triangle over that of 60 degrees, each squared
+# with its sign kept; 1 where the cell is valid beyond rounding, else 0.
 MOST_COSINE, LEAST_COSINE, LEAST_SINE, WORST_SINE, SURE = range(5)
 N_FIGURES = 5
 # The same as rows of lanes, and whether each corner counts.
@@ -251,9 +251,7 @@ def settle(
 
 
 @kernel()
-def mark_chunks(
-    table: BlockArray, cells: TableArray, touched: BoolArray, dirty: BoolArray
-) -> None:
+def mark_chunks(table: BlockArray, cells: TableArray, touched: BoolArray, dirty: BoolArray) -> None:
     """Mark the chunks of the cells of touched blocks, and take these for untouched again."""
     for b in range(table.shape[0]):
         if touched[b]:
@@ -266,19 +264,25 @@ def mark_chunks(
 
 @kernel()
 def mark_low(
-    table: BlockArray, cells: TableArray, awake: BoolArray, sines: FloatArray, limit: float,
-    low: BoolArray,
+    table: BlockArray, cells: TableArray, awake: BoolArray, sines: FloatArray, least: float,
+    enough: float, low: BoolArray,
 ) -> None:  # fmt: skip
-    """Mark the awake blocks with a cell whose smallest sine is below a limit, (n_blocks,).
+    """Mark the awake blocks with a cell whose smallest sine is too small.
 
     Parameters
     ----------
-    sines, limit
-        The row `LEAST_SINE` of figures, (n_cells,), and a square like these.
+    sines
+        The row `LEAST_SINE` of figures, (n_cells,).
+    least, enough
+        Squares like these: a block is marked for a cell below `least`; one that is marked already
+        stays so for a cell below `enough`, or it would be marked and not by turns.
+    low : (n_blocks,)
+        Overwritten for the blocks that are awake.
     """
     for b in range(table.shape[0]):
-        low[b] = False
         if awake[b]:
+            limit = enough if low[b] else least
+            low[b] = False
             first = np.int64(table[b, ROWS])
             rows = np.int64(table[b, SIZE] * (table[b, N_QUADS] + table[b, N_TRIANGLES]))
             for row in range(first, first + rows):

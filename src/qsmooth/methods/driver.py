@@ -63,7 +63,7 @@ class Sweep:
     prepare: Callable[[FloatArray], None] = _nothing
 
 
-@dataclass(frozen=True)
+@dataclass
 class Setting:
     """What the driver found out before the first sweep.
 
@@ -72,7 +72,8 @@ class Setting:
     topology, stars
         Of the mesh that is swept: with its quads cut in two, if that is asked for.
     good
-        Scaled Jacobian down to which a cell may get worse; NaN without the ``"quality"`` guard.
+        Scaled Jacobian down to which a cell may get worse; NaN without the ``"quality"`` guard. A
+        session sets it anew for each step.
     selected : (n_cells,) or None
         Cells that take part; None for all.
     aim
@@ -90,7 +91,7 @@ class Setting:
 
     @cached_property
     def blocks(self) -> Blocks:
-        """The movable vertices in blocks of lanes."""
+        """The movable vertices in blocks of lanes; of a session, those that are awake."""
         return self.topology.blocks(self.stars)._replace(rails=self.rails)
 
     @property
@@ -138,7 +139,7 @@ class SweepingMethod(Method):
         watch = Watch(self)
         inside = Inside(mesh, kept=not self.max_sweeps)
         before = inside.quality(mesh)
-        cut = self._cut(mesh)
+        cut = self.cut(mesh)
         swept = inside if cut is mesh else Inside(cut, inside, kept=not self.max_sweeps)
         freedom = self.freedom(mesh)
         selected = freedom.cells
@@ -150,7 +151,10 @@ class SweepingMethod(Method):
         if engine is not None and self.max_sweeps:
             free = freedom.inside(inside)
             stars = topology.schedule_of(free.movable)
-            good = self._good(swept.quality(cut) if cut is not mesh else before)
+            good = math.nan
+            if self.quality_guard:
+                measured = swept.quality(cut) if cut is not mesh else before
+                good = self.good(float(measured.scaled_jacobian.min()))
             cells = swept.chosen_cells(selected)
             setting = Setting(topology, stars, good, cells, rails=free.rails())
             with engine.running():
@@ -191,7 +195,7 @@ class SweepingMethod(Method):
         )
         return watch.give_back(summed_up)
 
-    def _cut(self, mesh: Mesh) -> Mesh:
+    def cut(self, mesh: Mesh) -> Mesh:
         """Return the mesh that is swept: with its quads cut in two, if that is asked for."""
         if self.split_quads is not False and (mesh.topology.cell_sizes == 4).any():
             return split_quads(mesh, self.diagonal)
@@ -199,11 +203,12 @@ class SweepingMethod(Method):
             raise OptionError(reason)
         return mesh
 
-    def _good(self, swept: Quality) -> float:
-        """Scaled Jacobian down to which a cell may get worse; NaN without that guard."""
-        if not self.quality_guard:
-            return math.nan
-        return max(GOOD_SCALED_JACOBIAN, float(swept.scaled_jacobian.min()))
+    def good(self, worst: float) -> float:
+        """Scaled Jacobian down to which a cell may get worse, of a mesh whose smallest is `worst`.
+
+        NaN without that guard.
+        """
+        return max(GOOD_SCALED_JACOBIAN, worst) if self.quality_guard else math.nan
 
 
 @dataclass(frozen=True, kw_only=True)
