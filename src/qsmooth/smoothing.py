@@ -7,13 +7,20 @@ from typing import Any
 
 from qsmooth._words import did_you_mean
 from qsmooth.adapters import to_mesh
+from qsmooth.bars import Shown, watched
 from qsmooth.methods.base import Method
 from qsmooth.options import spelled
 from qsmooth.registry import all_methods, choose, method_class, methods
 from qsmooth.result import SmoothResult
 
 
-def smooth(mesh: Any, method: str | Method = "auto", **options: Any) -> SmoothResult:
+def smooth(
+    mesh: Any,
+    method: str | Method = "auto",
+    *,
+    progress: bool | Shown | None = None,
+    **options: Any,
+) -> SmoothResult:
     """Make a mesh better by moving its vertices; the cells stay as they are.
 
     Parameters
@@ -26,6 +33,10 @@ def smooth(mesh: Any, method: str | Method = "auto", **options: Any) -> SmoothRe
         ``"quad"``, ``"aspect-ratio"``, ``"angle"``, ``"smart-laplacian"``, ``"laplacian"``; see
         `Optimize`, `Star` and their like. ``"auto"`` means optimize, or aspect-ratio where
         `split_quads` is given.
+    progress
+        True shows how far it is: a bar on a terminal or in a notebook, else a line on standard
+        error in the end. A function is called with each `SweepRecord`, the sweeps so far, and the
+        most that there can be, None where that is not known. By default nothing is shown.
     options
         Options of the method, described there. All have ``max_sweeps``, ``time_limit``,
         ``selection``, ``selection_rings``, ``keep_interfaces``, ``threads`` and ``callback``.
@@ -46,16 +57,19 @@ def smooth(mesh: Any, method: str | Method = "auto", **options: Any) -> SmoothRe
         If a pair is no mesh.
     """
     method, chosen = method_of(method, options)
-    return method.run(to_mesh(mesh), chosen)
+    with watched(method, progress) as shown:
+        return shown.run(to_mesh(mesh), chosen)
 
 
-def untangle(mesh: Any, **options: Any) -> SmoothResult:
+def untangle(mesh: Any, *, progress: bool | Shown | None = None, **options: Any) -> SmoothResult:
     """Make an invalid mesh valid by moving vertices, and stop there; see `Untangle`.
 
     Parameters
     ----------
     mesh
         A `Mesh`, a pair ``(points, cells)``, or a mesh of meshio. It is not changed.
+    progress
+        As in `smooth`.
     options
         ``max_sweeps`` (20,000), ``time_limit``, ``selection``, ``selection_rings``,
         ``keep_interfaces``, ``threads``, ``callback``.
@@ -74,7 +88,8 @@ def untangle(mesh: Any, **options: Any) -> SmoothResult:
     MeshError
         If a pair is no mesh.
     """
-    return all_methods()["untangle"].of(options).run(to_mesh(mesh))
+    with watched(all_methods()["untangle"].of(options), progress) as shown:
+        return shown.run(to_mesh(mesh))
 
 
 def compare(

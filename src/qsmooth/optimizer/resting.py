@@ -154,6 +154,19 @@ class Resting:
             wake_around(self._changed, *stars, *topology.cells, self._block_of, self.awake, dirty)
         return bool(count >= 0)
 
+    def of_vertices(self, of_blocks: BoolArray) -> BoolArray:
+        """Marks of blocks as marks of their vertices, (n_vertices,)."""
+        marked = np.zeros(self._block_of.size, np.bool_)
+        inside = self._block_of >= 0
+        marked[inside] = of_blocks[self._block_of[inside]]
+        return marked
+
+    def of_blocks(self, of_vertices: BoolArray) -> BoolArray:
+        """Mark the blocks with a marked vertex, (n_blocks,)."""
+        marked = np.zeros(self.awake.size, np.bool_)
+        marked[self._block_of[of_vertices & (self._block_of >= 0)]] = True
+        return marked
+
     @property
     def any_awake(self) -> bool:
         """Whether some block does not rest."""

@@ -312,14 +312,18 @@ class Stepper:
         return np.unique(topology.vertex_ids[vertices])
 
     def state(self) -> tuple[FloatArray, BoolArray, BoolArray, int]:
-        """What a copy needs to go on from here."""
-        resting = self.resting
-        return resting.xy.copy(), resting.awake.copy(), resting.low.copy(), self._left
+        """What a copy needs to go on from here, in the caller's order."""
+        resting, back = self.resting, self.inside.back
+        awake, low = resting.of_vertices(resting.awake), resting.of_vertices(resting.low)
+        return back(resting.xy), back(awake), back(low), self._left
 
     def restore(self, state: tuple[FloatArray, BoolArray, BoolArray, int]) -> None:
         """Go on from there."""
-        resting = self.resting
-        resting.xy[:], resting.awake[:], resting.low[:], self._left = state
+        xy, awake, low, self._left = state
+        resting, inside = self.resting, self.inside
+        resting.xy[:] = inside.at_vertices(xy)
+        resting.awake[:] = resting.of_blocks(inside.at_vertices(awake))
+        resting.low[:] = resting.of_blocks(inside.at_vertices(low))
 
     def _confine(self) -> None:
         """Confine moves to what is allowed from here."""
