@@ -2,8 +2,8 @@
 
     pytest benchmarks/test_session.py
 
-Targets, on one thread and warm: overhead of a step .1 ms at 2K vertices and 1 ms at 24K; a step of the
-body that turns 1 ms and 10 ms, each valid, with a scaled Jacobian of .5 at least.
+Targets, on one thread and warm: overhead of a step .1 ms at 2K vertices and 1 ms at 24K; a step of
+the body that turns 1 ms and 10 ms, each valid, with a scaled Jacobian of .5 at least.
 """
 
 import numpy as np
