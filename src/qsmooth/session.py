@@ -13,6 +13,7 @@ import numpy.typing as npt
 from qsmooth._types import FloatArray
 from qsmooth.adapters import to_mesh
 from qsmooth.checks import checked_points
+from qsmooth.constraints import Constraints
 from qsmooth.errors import MeshError
 from qsmooth.mesh import Mesh
 from qsmooth.methods.base import Method
@@ -46,7 +47,7 @@ class Smoother:
     ----------
     mesh
         A `Mesh`, a pair ``(points, cells)``, or a mesh of meshio. It is not changed.
-    method, options
+    method, constraints, options
         As in `smooth`. What `target` says is read from this mesh; only a function of places is
         asked again by ``smoother(points)``. A `selection` by a metric is made here, too.
 
@@ -63,8 +64,15 @@ class Smoother:
     ...     record = smoother.step(points)
     """
 
-    def __init__(self, mesh: Any, method: str | Method = "auto", **options: Any) -> None:
-        self._method, self._chosen = method_of(method, options)
+    def __init__(
+        self,
+        mesh: Any,
+        method: str | Method = "auto",
+        *,
+        constraints: Constraints | None = None,
+        **options: Any,
+    ) -> None:
+        self._method, self._chosen = method_of(method, options, constraints)
         self._mesh = to_mesh(mesh)
         self._begin()
 

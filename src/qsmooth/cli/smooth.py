@@ -71,7 +71,7 @@ def smooth(
     result = running.run_to_file(
         mesh, chosen, output, why=why, format=output_format, keep_best=keep_best
     )
-    limits = running.limits_of(result, chosen)
+    limits = running.limits_of(mesh, result, chosen)
     written = [output]
     if plot is not None:
         from qsmooth.output.figures import save_figures

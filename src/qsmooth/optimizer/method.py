@@ -414,7 +414,7 @@ class Optimize(_Staged):
     def bounds(self, ground: Ground, result: Mesh, after: Quality) -> object:
         """Limits of the result's angles."""
         xy = ground.inside.at_vertices(result.xy)
-        return angle_limits(ground.topology, xy, ground.movable, after)
+        return angle_limits(ground.topology, xy, ground.movable, after, ground.freedom.kept)
 
 
 @dataclass(frozen=True, kw_only=True)
