@@ -400,7 +400,7 @@ def _whole_mesh(mesh, threads):
     lanes.aim_at(ideal(mesh.topology))
     args = lanes.stars, lanes.targets.corners, lanes.sizes, lanes.maps, lanes.caps
     xy, wall = mesh.xy.copy(), Wall(1.0, math.inf, 1)
-    sweep = lanes._sweep(xy, wall, lanes.caps.swept, lanes._moves.lengths)
+    sweep = lanes.sweep(xy, wall, lanes.caps.swept, lanes._moves.lengths)
     return lambda: GlobalNewton(mesh.topology, *args), lambda: sweep((0, lanes.n_colours))
 
 

@@ -13,6 +13,7 @@ import pytest
 
 import qsmooth
 from qsmooth import quality, read_mesh
+from qsmooth.examples import around_body
 
 SCRIPTS = sorted((Path(__file__).resolve().parent.parent / "examples").glob("*.py"))
 
@@ -37,6 +38,22 @@ def moving_boundary(said, folder):
     assert quality(mesh).n_invalid == 0
     assert mesh.points[:, 1].min() >= 0.0
     assert mesh.points[20, 1] == pytest.approx(0.6)
+
+
+def turning_body(said, folder):
+    rows = re.findall(r"^ +\d+ +([\d.]+)° +([\d.]+) +(yes|no) +(\d+)", said, re.MULTILINE)
+    assert len(rows) == 10
+    assert float(rows[-1][0]) == 45.0
+    summary = re.search(
+        r"200 steps: .* valid in all of them: True, .* ([\d.]+)$", said, re.MULTILINE
+    )
+    assert float(summary[1]) > 0.7
+    assert all(0 < int(sweeps) <= 4 for *_, sweeps in rows)
+    smoothed = float(re.search(r"to the end: smallest scaled Jacobian ([\d.]+)", said)[1])
+    assert smoothed >= float(rows[-1][1])
+    mesh = read_mesh(folder / "body.vtk")
+    assert quality(mesh).n_invalid == 0
+    assert mesh.n_vertices == around_body(45).n_vertices
 
 
 def worst_cells_only(said, folder):
@@ -130,6 +147,7 @@ CHECKS = {
     "quality_gate": (quality_gate, 1),  # one mesh is refused
     "shallow_water": (shallow_water, 0),
     "smooth_file": (smooth_file, 0),
+    "turning_body": (turning_body, 0),
     "worst_cells_only": (worst_cells_only, 0),
 }
 

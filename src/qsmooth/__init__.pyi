@@ -31,6 +31,8 @@ from .remapping import transfer as transfer
 from .result import History as History
 from .result import SmoothResult as SmoothResult
 from .result import SweepRecord as SweepRecord
+from .session import Smoother as Smoother
+from .session import StepRecord as StepRecord
 from .smoothing import compare as compare
 from .smoothing import smooth as smooth
 from .smoothing import untangle as untangle

@@ -90,6 +90,12 @@ class Mesh:
         cells = ", ".join(f"{n} {kinds[k]}" for k, n in counts.items() if n)
         return f"Mesh({self.n_vertices} vertices, {cells})"
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore a pickled mesh; arrays come back writable, which is another type for kernels."""
+        self.__dict__.update(state)
+        self._points, self._xy = read_only(self._points), read_only(self._xy)
+        self._cells = _as_blocks(self._topology.given_vertices, self._cells)
+
     @property
     def points(self) -> FloatArray:
         """Coordinates as float64 in the shape that came in, (n, 2) or (n, 3); read-only."""

@@ -20,12 +20,13 @@ class Stop(StrEnum):
     STUCK = "stuck"  # untangling found no way for the cells that stay invalid
     MAX_SWEEPS = "max_sweeps"
     TIME_LIMIT = "time_limit"
+    CALLBACK = "callback"  # the caller's callback asked for it, or raised an exception
     NOTHING_MOVES = "nothing_moves"  # no vertex may move
 
     @property
     def by_itself(self) -> bool:
         """Whether it was done, and neither cut short nor stuck."""
-        return self not in (Stop.MAX_SWEEPS, Stop.TIME_LIMIT, Stop.STUCK)
+        return self not in (Stop.MAX_SWEEPS, Stop.TIME_LIMIT, Stop.CALLBACK, Stop.STUCK)
 
 
 class Aim(StrEnum):

@@ -8,6 +8,7 @@ from typing import Any
 
 from qsmooth._words import did_you_mean
 from qsmooth.adapters import to_mesh
+from qsmooth.bars import Shown, watched
 from qsmooth.constraints import Constraints
 from qsmooth.methods.base import Method
 from qsmooth.options import spelled
@@ -20,6 +21,7 @@ def smooth(
     method: str | Method = "auto",
     *,
     constraints: Constraints | None = None,
+    progress: bool | Shown | None = None,
     **options: Any,
 ) -> SmoothResult:
     """Make a mesh better by moving its vertices; the cells stay as they are.
@@ -36,6 +38,10 @@ def smooth(
         `split_quads` is given.
     constraints
         What may move, where to, and how far; the same as its fields given among the options.
+    progress
+        True shows how far it is: a bar on a terminal or in a notebook, else a line on standard
+        error in the end. A function is called with each `SweepRecord`, the sweeps so far, and the
+        most that there can be, None where that is not known. By default nothing is shown.
     options
         Options of the method, described there. All have ``max_sweeps``, ``time_limit``,
         ``threads``, ``callback``, ``carry``, ``interpolate``, and the fields of `Constraints`:
@@ -57,20 +63,27 @@ def smooth(
     MeshError
         If a pair is no mesh.
     """
-    method, chosen = _chosen(method, options, constraints)
-    return method.smooth(to_mesh(mesh), chosen)
+    method, chosen = method_of(method, options, constraints)
+    with watched(method, progress) as shown:
+        return shown.smooth(to_mesh(mesh), chosen)
 
 
-def untangle(mesh: Any, *, constraints: Constraints | None = None, **options: Any) -> SmoothResult:
+def untangle(
+    mesh: Any,
+    *,
+    constraints: Constraints | None = None,
+    progress: bool | Shown | None = None,
+    **options: Any,
+) -> SmoothResult:
     """Make an invalid mesh valid by moving vertices, and stop there; see `Untangle`.
 
     Parameters
     ----------
     mesh
         A `Mesh`, a pair ``(points, cells)``, or a mesh of meshio. It is not changed.
-    constraints, options
-        As in `smooth`: ``max_sweeps`` (20,000), ``time_limit``, ``threads``, ``callback``, and the
-        fields of `Constraints`.
+    constraints, progress, options
+        As in `smooth`. Options are ``max_sweeps`` (20,000), ``time_limit``, ``threads``,
+        ``callback``, and the fields of `Constraints`.
 
     Returns
     -------
@@ -87,7 +100,8 @@ def untangle(mesh: Any, *, constraints: Constraints | None = None, **options: An
         If a pair is no mesh.
     """
     given = _with_constraints(options, constraints)
-    return all_methods()["untangle"].of(given).smooth(to_mesh(mesh))
+    with watched(all_methods()["untangle"].of(given), progress) as shown:
+        return shown.smooth(to_mesh(mesh))
 
 
 def compare(
@@ -174,10 +188,16 @@ def configured(
     return [thing.of(own[thing.name]) if isinstance(thing, type) else thing for thing in given]
 
 
-def _chosen(
+def method_of(
     method: str | Method, options: dict[str, Any], constraints: Constraints | None
 ) -> tuple[Method, str]:
-    """Make the method with its options; also why it was chosen, for ``"auto"``."""
+    """Make the method with its options; also why it was chosen, for ``"auto"``.
+
+    Raises
+    ------
+    ValueError, TypeError
+        As in `smooth`.
+    """
     if isinstance(method, Method):
         _require_none_beside(method, options)
         if constraints is not None:

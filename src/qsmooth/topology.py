@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray
-from qsmooth.checks import counted, read_only
+from qsmooth.checks import all_read_only, counted, read_only
 from qsmooth.errors import MeshError
 from qsmooth.kernels.stars import Stars
 from qsmooth.schedule import make_schedule
@@ -268,6 +268,18 @@ class Topology:
             )
         marked[self.lines.ravel()] = True
         return read_only(marked)
+
+    def __getstate__(self) -> dict[str, object]:
+        """Leave out what sweeps are made of; it is made again when asked for."""
+        return {**self.__dict__, "_schedules": {}, "_blocks": {}, "_along_curve": None}
+
+    def __setstate__(self, state: dict[str, object]) -> None:
+        """Restore; arrays come back writable, which is another type for kernels."""
+        for name, value in state.items():
+            if name == "_given_star_corners":  # it never was read-only
+                self.__dict__[name] = value
+            else:
+                self.__dict__[name] = all_read_only(value)
 
     def with_lines(self, lines: IndexArray) -> Topology:
         """Share everything but the line cells, (k, 2)."""

@@ -179,6 +179,8 @@ def _why(outcome: Outcome, spell: Callable[[str], str]) -> list[str]:
         return [] if _done(outcome) else ["all cells are valid"]
     if outcome.stop is Stop.TIME_LIMIT:
         return [f"the time limit of {outcome.stop_at:g} s was reached"]
+    if outcome.stop is Stop.CALLBACK:
+        return ["stopped when it was told to"]
     if outcome.stop is Stop.MAX_SWEEPS:
         if not outcome.sweeps:
             return ["no sweep was asked for"]

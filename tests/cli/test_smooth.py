@@ -122,6 +122,47 @@ def test_out_format_goes_by_its_ending(call, mesh_file, tmp_path):
     assert call("quality", named, "--format", "obj")[0] == 0
 
 
+@pytest.mark.skipif(os.name != "posix", reason="signals are others elsewhere")
+@pytest.mark.parametrize("command", ["smooth", "untangle"])
+@pytest.mark.parametrize("keep", ["best", "best, but OUT is there", "nothing"])
+def test_an_interrupted_run(call, mesh_file, tmp_path, monkeypatch, command, keep):
+    import signal
+
+    from qsmooth.examples import tangled
+    from qsmooth.methods.watching import Watch
+
+    tell, told = Watch.tell, []
+
+    def press(self, record):
+        if not told:
+            os.kill(os.getpid(), signal.SIGINT)
+        told.append(record)
+        tell(self, record)
+
+    monkeypatch.setattr(Watch, "tell", press)
+    if command == "untangle":
+        write_mesh(mesh_file, tangled(8, 8, amount=3.0))
+    out, options = tmp_path / "out.off", []
+    if keep != "nothing":
+        options = ["--keep-best"]
+    if keep == "best, but OUT is there":
+        out.write_bytes(b"precious")
+        options.append("--overwrite")
+    code, said, err = call(command, mesh_file, "-o", out, *options)
+    assert (code, said) == (130, "")
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if keep == "best":
+        assert err == f"qsmooth: interrupted, wrote the best so far, {out}\n"
+        assert len(told) == 1
+        assert not np.array_equal(read_mesh(out).points, read_mesh(mesh_file).points)
+    elif keep == "nothing":
+        assert err == "qsmooth: interrupted\n"
+        assert not out.exists()
+    else:
+        assert err == f"qsmooth: interrupted, '{out}' is left as it was\n"
+        assert out.read_bytes() == b"precious"
+
+
 def test_input_is_safe_without_overwrite(fails, mesh_file):
     before = mesh_file.read_bytes()
     assert "OUT is the input" in fails("smooth", mesh_file, "-o", mesh_file)

@@ -41,6 +41,15 @@ OverwriteOption = Annotated[
         "--overwrite", help="Allow OUT to replace a file, IN itself too.", rich_help_panel=FILES
     ),
 ]
+KeepBestOption = Annotated[
+    bool,
+    typer.Option(
+        "--keep-best",
+        help="Interrupted (Ctrl-C), write the best so far, if OUT is not there yet; twice, stop at "
+        "once.",
+        rich_help_panel=FILES,
+    ),
+]
 SurfaceOption = Annotated[
     Surface,
     typer.Option(

@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 from qsmooth._words import did_you_mean, in_a_row, plural
 from qsmooth.cli.options import spell
-from qsmooth.cli.terminal import progress, write_line
+from qsmooth.cli.terminal import InterruptedRunError, held_interrupt, progress, write_line
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from qsmooth.mesh import Mesh
     from qsmooth.methods.base import Method
     from qsmooth.metrics import Limits
-    from qsmooth.result import SmoothResult
+    from qsmooth.result import SmoothResult, SweepRecord
 
 
 def method_with(name: str, options: Mapping[str, Any]) -> tuple[Method, str]:
@@ -46,8 +48,37 @@ def method_with(name: str, options: Mapping[str, Any]) -> tuple[Method, str]:
 
 def run(mesh: Mesh, method: Method, why: str = "") -> SmoothResult:
     """Smooth a mesh, and show how far it is."""
-    with progress(method.name, method.max_sweeps, method.sweeps_a_record) as callback:
+    with progress(method) as callback:
         return replace(method, callback=callback).smooth(mesh, why)
+
+
+def run_to_file(
+    mesh: Mesh, method: Method, output: Path, *, why: str = "", format: str | None, keep_best: bool
+) -> SmoothResult:
+    """Smooth a mesh and write it; of a run that is interrupted, if wanted, the best so far.
+
+    Raises
+    ------
+    InterruptedRunError
+        After that. A file that is there already is left as it was.
+    """
+    from qsmooth.io import write_mesh
+
+    with held_interrupt(keep_best) as interrupt, progress(method) as shown:
+
+        def callback(record: SweepRecord) -> bool:
+            if shown is not None:
+                shown(record)
+            return interrupt.asked
+
+        result = replace(method, callback=callback).smooth(mesh, why)
+    if not interrupt.asked:
+        write_mesh(output, result.mesh, format=format)
+        return result
+    if output.exists():
+        raise InterruptedRunError(f"interrupted, '{output}' is left as it was")
+    write_mesh(output, result.mesh, format=format)
+    raise InterruptedRunError(f"interrupted, wrote the best so far, {output}")
 
 
 def limits_of(before: Mesh, result: SmoothResult, method: Method) -> Limits:

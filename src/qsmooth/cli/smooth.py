@@ -26,6 +26,7 @@ def smooth(
     ] = "auto",
     options: dict[str, Any] | None = None,
     overwrite: files.OverwriteOption = False,
+    keep_best: files.KeepBestOption = False,
     surface: files.SurfaceOption = files.Surface.auto,
     format: files.FormatOption = None,
     output_format: files.OutputFormatOption = None,
@@ -67,11 +68,10 @@ def smooth(
     chosen, why = running.method_with(method, options)
     mesh = files.read(mesh_file, surface, format)
     files.require_format(output, mesh, output_format, chosen.interpolate)
-    result = running.run(mesh, chosen, why)
+    result = running.run_to_file(
+        mesh, chosen, output, why=why, format=output_format, keep_best=keep_best
+    )
     limits = running.limits_of(mesh, result, chosen)
-    from qsmooth.io import write_mesh
-
-    write_mesh(output, result.mesh, format=output_format)
     written = [output]
     if plot is not None:
         from qsmooth.output.figures import save_figures

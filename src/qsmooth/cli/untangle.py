@@ -16,6 +16,7 @@ def untangle(
     output: files.OutOption,
     options: dict[str, Any] | None = None,
     overwrite: files.OverwriteOption = False,
+    keep_best: files.KeepBestOption = False,
     surface: files.SurfaceOption = files.Surface.auto,
     format: files.FormatOption = None,
     output_format: files.OutputFormatOption = None,
@@ -27,7 +28,6 @@ def untangle(
     Exit code 0 where every cell is valid, 1 where some stay invalid; OUT then has the best that was
     found. Smoothing with method optimize does this first, by itself.
     """
-    from qsmooth.io import write_mesh
     from qsmooth.output import tables
     from qsmooth.registry import all_methods
 
@@ -36,8 +36,7 @@ def untangle(
     method = all_methods()["untangle"].of(options)
     mesh = files.read(mesh_file, surface, format)
     files.require_format(output, mesh, output_format, method.interpolate)
-    result = running.run(mesh, method)
-    write_mesh(output, result.mesh, format=output_format)
+    result = running.run_to_file(mesh, method, output, format=output_format, keep_best=keep_best)
     n_invalid = result.after.n_invalid
     facts = {
         "input": str(mesh_file),

@@ -12,7 +12,7 @@ from qsmooth.mesh import Mesh
 from qsmooth.options import OptionError, opaque, option
 from qsmooth.result import SmoothResult, SweepRecord
 
-Callback: TypeAlias = Callable[[SweepRecord], None]
+Callback: TypeAlias = Callable[[SweepRecord], object]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,7 +77,8 @@ class Method(Constraints):
     callback: Callback | None = opaque(
         None,
         flag=None,
-        help="Called after each sweep, of optimize each round of ten, with its `SweepRecord`.",
+        help="Called after each sweep, of optimize each round of ten, with its `SweepRecord`; True "
+        "stops with the best so far. What it raises gets through, with that as its `result`.",
     )
 
     def __post_init__(self) -> None:
@@ -103,13 +104,13 @@ class Method(Constraints):
         """
         return ""
 
-    def smooth(self, mesh: Mesh, chosen: str = "") -> SmoothResult:
+    def smooth(self, mesh: Mesh, chosen: str = "", *known: Any) -> SmoothResult:
         """Smooth a mesh, and see to the values that belong to its places.
 
-        `chosen` says why this method was taken, for the outcome.
+        `chosen` says why this method was taken, for the outcome; `known` is for `run`.
         """
         require_data(mesh, self.interpolate)
-        result = self.run(mesh, chosen)
+        result = self.run(mesh, chosen, *known)
         return carried(mesh, result, self.carry, self.interpolate, self.threads)
 
     def run(self, mesh: Mesh, chosen: str = "") -> SmoothResult:

@@ -18,6 +18,7 @@ from qsmooth.kernels.rails import FREE, Rails
 from qsmooth.kernels.stars import Moves, Stars
 from qsmooth.mesh import Mesh
 from qsmooth.methods.base import Method
+from qsmooth.methods.watching import Watch
 from qsmooth.metrics import Quality, Validity, quality
 from qsmooth.numbering import Inside
 from qsmooth.options import OptionError, option
@@ -62,7 +63,7 @@ class Sweep:
     prepare: Callable[[FloatArray], None] = _nothing
 
 
-@dataclass(frozen=True)
+@dataclass
 class Setting:
     """What the driver found out before the first sweep.
 
@@ -71,7 +72,8 @@ class Setting:
     topology, stars
         Of the mesh that is swept: with its quads cut in two, if that is asked for.
     good
-        Scaled Jacobian down to which a cell may get worse; NaN without the ``"quality"`` guard.
+        Scaled Jacobian down to which a cell may get worse; NaN without the ``"quality"`` guard. A
+        session sets it anew for each step.
     selected : (n_cells,) or None
         Cells that take part; None for all.
     aim
@@ -89,7 +91,7 @@ class Setting:
 
     @cached_property
     def blocks(self) -> Blocks:
-        """The movable vertices in blocks of lanes."""
+        """The movable vertices in blocks of lanes; of a session, those that are awake."""
         return self.topology.blocks(self.stars)._replace(rails=self.rails)
 
     @property
@@ -134,21 +136,25 @@ class SweepingMethod(Method):
 
     def run(self, mesh: Mesh, chosen: str = "") -> SmoothResult:
         """Sweep until every vertex rests, quality no longer improves, or no more is allowed."""
+        watch = Watch(self)
         inside = Inside(mesh, kept=not self.max_sweeps)
         before = inside.quality(mesh)
-        cut = self._cut(mesh)
+        cut = self.cut(mesh)
         swept = inside if cut is mesh else Inside(cut, inside, kept=not self.max_sweeps)
         freedom = self.freedom(mesh)
         selected = freedom.cells
         if selected is not None and cut is not mesh:
             selected = np.repeat(selected, mesh.topology.cell_sizes - 2)
         topology = swept.topology
-        run = _Run(self, inside.topology, inside.at_vertices(mesh.xy), before)
+        run = _Run(self, inside.topology, inside.at_vertices(mesh.xy), before, watch)
         engine = threads_for(self.threads, freedom.n_movable) if freedom.n_movable else None
         if engine is not None and self.max_sweeps:
             free = freedom.inside(inside)
             stars = topology.schedule_of(free.movable)
-            good = self._good(swept.quality(cut) if cut is not mesh else before)
+            good = math.nan
+            if self.quality_guard:
+                measured = swept.quality(cut) if cut is not mesh else before
+                good = self.good(float(measured.scaled_jacobian.min()))
             cells = swept.chosen_cells(selected)
             setting = Setting(topology, stars, good, cells, rails=free.rails())
             with engine.running():
@@ -165,7 +171,7 @@ class SweepingMethod(Method):
             points = stored(cut, xy, freedom).points
             result = mesh if points is mesh.points else mesh.with_points(points)
         after = before if result is mesh else inside.quality(result)
-        return SmoothResult(
+        summed_up = SmoothResult(
             mesh=result,
             outcome=run.outcome(
                 method=self.name,
@@ -187,8 +193,9 @@ class SweepingMethod(Method):
             quality_after=after,
             seconds=run.seconds,
         )
+        return watch.give_back(summed_up)
 
-    def _cut(self, mesh: Mesh) -> Mesh:
+    def cut(self, mesh: Mesh) -> Mesh:
         """Return the mesh that is swept: with its quads cut in two, if that is asked for."""
         if self.split_quads is not False and (mesh.topology.cell_sizes == 4).any():
             return split_quads(mesh, self.diagonal)
@@ -196,11 +203,12 @@ class SweepingMethod(Method):
             raise OptionError(reason)
         return mesh
 
-    def _good(self, swept: Quality) -> float:
-        """Scaled Jacobian down to which a cell may get worse; NaN without that guard."""
-        if not self.quality_guard:
-            return math.nan
-        return max(GOOD_SCALED_JACOBIAN, float(swept.scaled_jacobian.min()))
+    def good(self, worst: float) -> float:
+        """Scaled Jacobian down to which a cell may get worse, of a mesh whose smallest is `worst`.
+
+        NaN without that guard.
+        """
+        return max(GOOD_SCALED_JACOBIAN, worst) if self.quality_guard else math.nan
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -223,9 +231,14 @@ class _Run:
     """The sweeps of one call: coordinates, history, clock, and why they stopped."""
 
     def __init__(
-        self, method: SweepingMethod, topology: Topology, xy: FloatArray, before: Quality
+        self,
+        method: SweepingMethod,
+        topology: Topology,
+        xy: FloatArray,
+        before: Quality,
+        watch: Watch,
     ) -> None:
-        self.method, self.topology, self.xy = method, topology, xy
+        self.method, self.topology, self.xy, self.watch = method, topology, xy, watch
         self.history: list[SweepRecord] = []
         self.stages: list[Stage] = []
         self.seconds = 0.0
@@ -234,7 +247,7 @@ class _Run:
 
     def stage(self, setting: Setting, engine: Engine, n_sweeps: int) -> None:
         """Sweep so often at most."""
-        if self.stop is Stop.TIME_LIMIT:
+        if self.stop in (Stop.TIME_LIMIT, Stop.CALLBACK):
             return
         n_movable = setting.stars.vertices.size
         moves = Moves(np.zeros(n_movable), np.zeros(n_movable))
@@ -247,8 +260,7 @@ class _Run:
             engine.run(lambda colours: sweep.move(self.xy, colours, moves), sweep.n_colours)
             self.seconds += clock() - started
             self.history.append(record(Quality(self.topology, self.xy), *moves))
-            if self.method.callback is not None:
-                self.method.callback(self.history[-1])
+            self.watch.tell(self.history[-1])
             self.stop = self._why_stop(self.history[first:])
         past = self.history[first - 1] if first else self._start
         self.stages.append(
@@ -261,9 +273,8 @@ class _Run:
         )
 
     def _why_stop(self, records: list[SweepRecord]) -> Stop | None:
-        allowed = self.method.time_limit
-        if allowed is not None and self.seconds >= allowed:
-            return Stop.TIME_LIMIT
+        if (cut_short := self.watch.stop()) is not None:
+            return cut_short
         if self.method.rtol == 0.0:
             return None
         if records[-1].largest_share <= self.method.rtol:

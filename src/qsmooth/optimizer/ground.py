@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,6 +16,21 @@ from qsmooth.numbering import Inside
 from qsmooth.optimizer.lanes import Lanes
 from qsmooth.targets import Targets
 from qsmooth.topology import Topology
+
+
+class Meant(NamedTuple):
+    """What the cells of a mesh are meant to be.
+
+    Attributes
+    ----------
+    readings
+        The ways to read that, in the caller's order; plain first.
+    isotropic
+        Whether the mesh itself says that ideal is what they are meant to be.
+    """
+
+    readings: list[Targets]
+    isotropic: bool
 
 
 @dataclass(frozen=True)
@@ -29,11 +45,14 @@ class Ground:
         What may move, in the order inside.
     engine
         Who runs the sweeps.
+    meant
+        What cells are meant to be, where that is known already.
     """
 
     inside: Inside
     freedom: Freedom
     engine: Engine
+    meant: Meant | None = None
 
     @property
     def topology(self) -> Topology:

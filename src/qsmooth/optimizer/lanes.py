@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -133,7 +133,7 @@ class Lanes:
 
         Not where sizes count: there an extrapolation takes the heights of layers along.
         """
-        sweep = self._sweep(xy, wall, self.caps.swept, self._moves.lengths)
+        sweep = self.sweep(xy, wall, self.caps.swept, self._moves.lengths)
         n_sweeps = progress.next_round()
         may = extrapolate and n_sweeps == ROUND and not self.sized
         ahead = self._ahead if may and self._ahead.due() else None
@@ -142,6 +142,8 @@ class Lanes:
         for _ in range(n_sweeps):
             self._engine.run(sweep, self.n_colours)
             progress.sweeps += 1
+            if progress.cut_short():
+                return
             if ahead is not None:
                 ahead.note(xy)
         if ahead is not None:
@@ -201,23 +203,49 @@ class Lanes:
         shortest_edges(xy, *self._rings, self._blocks.vertices, self._shortest)
         return self._shortest
 
-    def _sweep(
-        self, xy: FloatArray, wall: Wall, held: FloatArray, lengths: FloatArray
+    @property
+    def tables(self) -> tuple[Blocks, IndexArray]:
+        """The blocks, and what each of them asks for (`Rows.asks`)."""
+        return self._blocks, self._rows.asks
+
+    @cached_property
+    def _row_maps(self) -> Any:
+        """The maps of the cells around each vertex."""
+        from qsmooth.kernels.mapped_sweep import Maps
+
+        return Maps(*self.maps[self._blocks.cells].T.copy())
+
+    def sweep(
+        self,
+        xy: FloatArray,
+        wall: Wall,
+        held: FloatArray,
+        lengths: FloatArray,
+        selected: tuple[Blocks, IndexArray] | None = None,
     ) -> Callable[[tuple[int, int]], None]:
-        """Give the sweep over some colours that fits the targets."""
-        rows = self._rows
+        """Give the sweep over some colours that fits the targets.
+
+        Only blocks that are `selected` are swept, where these and `Rows.asks` of them are given.
+        """
+        blocks, rows = self._blocks, self._rows
+        if selected is not None:
+            blocks, rows = selected[0], rows._replace(asks=selected[1])
         if self.targets.maps is None:
             from qsmooth.kernels.newton_sweep import newton_sweep
 
             return lambda colours: newton_sweep(
-                xy, self._blocks, colours, RELAXATION, wall, held, rows, lengths
+                xy, blocks, colours, RELAXATION, wall, held, rows, lengths
             )
-        from qsmooth.kernels.mapped_sweep import Maps, mapped_sweep
+        from qsmooth.kernels.mapped_sweep import mapped_sweep
 
-        maps = Maps(*self.maps[self._blocks.cells].T.copy())
+        maps = self._row_maps
         return lambda colours: mapped_sweep(
-            xy, self._blocks, colours, RELAXATION, wall, held, rows, maps, lengths
+            xy, blocks, colours, RELAXATION, wall, held, rows, maps, lengths
         )
+
+    def run(self, sweep: Callable[[tuple[int, int]], None]) -> None:
+        """Sweep once."""
+        self._engine.run(sweep, self.n_colours)
 
     def try_colour(
         self, xy: FloatArray, colour: int, wall: Wall, held: FloatArray
@@ -232,7 +260,7 @@ class Lanes:
         from qsmooth.kernels.blocks import FIRST
 
         lengths = np.empty(self._blocks.vertices.size)
-        sweep = self._sweep(xy, wall, held, lengths)
+        sweep = self.sweep(xy, wall, held, lengths)
         self._engine.run(lambda _: sweep((colour, colour + 1)), 1)
         first, last = (
             int(self._blocks.table[b, FIRST]) if b < len(self._blocks.table) else lengths.size
@@ -246,7 +274,7 @@ class Lanes:
 
         trial, held = xy.copy(), np.tile(FREE[:ALWAYS], (self.topology.n_vertices, 1))
         lengths, wall = np.empty_like(self._moves.lengths), Wall(1.0, np.inf, 1)
-        self._engine.run(self._sweep(trial, wall, held, lengths), self.n_colours)
+        self._engine.run(self.sweep(trial, wall, held, lengths), self.n_colours)
         before = exact_sum(self.energy(xy)[1])
         return 1.0 - exact_sum(self.energy(trial)[1]) / before
 
@@ -254,6 +282,7 @@ class Lanes:
         """Ask each cell for this shape and size from now on; takes walls on shape down."""
         self.targets, self._look = targets, None
         self.__dict__.pop("_ahead", None)
+        self.__dict__.pop("_row_maps", None)
         self.maps = np.empty((0, 3)) if targets.maps is None else targets.maps
         counts = targets.size_weight > 0.0
         inv_area = np.divide(1.0, targets.area, out=np.zeros(counts.size), where=counts)

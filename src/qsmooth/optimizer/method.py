@@ -10,6 +10,7 @@ import numpy as np
 
 from qsmooth._types import FloatArray
 from qsmooth.engine import threads_for
+from qsmooth.kernels.compiling import clock
 from qsmooth.mesh import Mesh
 from qsmooth.methods.base import Method
 from qsmooth.methods.driver import invalid_cells, stored
@@ -17,7 +18,7 @@ from qsmooth.metrics import Quality
 from qsmooth.metrics.bounds import angle_limits
 from qsmooth.numbering import Inside
 from qsmooth.optimizer.best import LEAST_GAIN, MEAN_LOSS, Best
-from qsmooth.optimizer.ground import Ground, targets_inside
+from qsmooth.optimizer.ground import Ground, Meant, targets_inside
 from qsmooth.optimizer.judgement import judged
 from qsmooth.optimizer.lanes import Lanes
 from qsmooth.optimizer.last_look import kept_from_better
@@ -81,18 +82,19 @@ class _Staged(Method):
     untangles = True
     sweeps_a_record = ROUND
 
-    def run(self, mesh: Mesh, chosen: str = "") -> SmoothResult:
-        """Go through the stages, and sum up."""
+    def run(self, mesh: Mesh, chosen: str = "", meant: Meant | None = None) -> SmoothResult:
+        """Go through the stages, and sum up; what cells are `meant` to be may be known."""
+        started = clock()
         inside = Inside(mesh, kept=not self.max_sweeps)
         before = inside.quality(mesh)
         freedom = self.freedom(mesh)
         movable, n_movable = freedom.movable, freedom.n_movable
-        progress = Progress(self, before)
+        progress = Progress(self, before, started)
         result, found, after = mesh, _Found(inside.at_vertices(mesh.xy)), before
         bounds = None
         if n_movable:
             engine = threads_for(self.threads, n_movable)
-            ground = Ground(inside, freedom.inside(inside), engine)
+            ground = Ground(inside, freedom.inside(inside), engine, meant)
             with engine.running():
                 found = self.stages(ground, before, progress)
                 result = stored(mesh, inside.back(found.xy), freedom)
@@ -107,7 +109,7 @@ class _Staged(Method):
         if found.start is not None and before.n_invalid:
             start = inside.quality_at(found.start)
         trades, sizes = judged(before, start, after, found.target, found.layers)
-        return SmoothResult(
+        summed_up = SmoothResult(
             mesh=result,
             outcome=Outcome(
                 method=self.name,
@@ -132,10 +134,11 @@ class _Staged(Method):
             quality_after=after,
             seconds=seconds,
         )
+        return progress.watch.give_back(summed_up)
 
     def _stop_at(self, stop: Stop) -> float:
         """Value of the option that stopped it, which has the stop's name; NaN where none did."""
-        value = getattr(self, stop.value, None)
+        value = None if stop is Stop.CALLBACK else getattr(self, stop.value, None)
         return math.nan if value is None else float(value)
 
     def stages(self, ground: Ground, before: Quality, progress: Progress) -> _Found:
@@ -229,11 +232,11 @@ class Optimize(_Staged):
         object.__setattr__(self, "hold", parse_hold(self.hold))
         object.__setattr__(self, "target", parse_target(self.target))
 
-    def run(self, mesh: Mesh, chosen: str = "") -> SmoothResult:
-        """Go through the stages, and sum up."""
+    def run(self, mesh: Mesh, chosen: str = "", meant: Meant | None = None) -> SmoothResult:
+        """Go through the stages, and sum up; what cells are `meant` to be may be known."""
         if not isinstance(self.target, str):
             self._given(mesh, mesh.xy)  # what does not fit the mesh is told of before all else
-        return super().run(mesh, chosen)
+        return super().run(mesh, chosen, meant)
 
     def stages(self, ground: Ground, before: Quality, progress: Progress) -> _Found:
         """Untangle, improve the mean, mend the worst cells; keep the best that was seen."""
@@ -246,13 +249,15 @@ class Optimize(_Staged):
         if before.n_invalid:
             with progress.stage(Aim.UNTANGLE):
                 untangle(ground, xy, progress)
-        lanes.caps.hold(xy, self.hold, angles=not self._by_metric)
+        lanes.caps.hold(xy, self.hold, angles=not self.by_metric)
         start = xy.copy()
         with progress.stage(Aim.MEAN_SHAPE):
-            few = before.n_invalid <= FEW_INVALID * lanes.topology.n_cells
-            found = self._targets(inside, given, given if few else xy)
-            best, xy = self._improved(lanes, inside, xy, found, progress)
-        by_walls = self.worst and not self._by_metric
+            meant = ground.meant
+            if meant is None:
+                few = before.n_invalid <= FEW_INVALID * lanes.topology.n_cells
+                meant = self.read(inside, given, given if few else xy)
+            best, xy = self._improved(lanes, inside, xy, meant, progress)
+        by_walls = self.worst and not self.by_metric
         if by_walls and not (best.good_enough() or self._nothing_to_gain(lanes, best)):
             with progress.stage(Aim.WORST_CELLS):
                 mend_worst(lanes, xy, best, progress)
@@ -283,7 +288,7 @@ class Optimize(_Staged):
 
         if progress.stop is not None or best.good_enough() or self._nothing_to_gain(lanes, best):
             return ()
-        lanes.caps.hold(start, self.hold, angles=not self._by_metric)
+        lanes.caps.hold(start, self.hold, angles=not self.by_metric)
         worst = lanes.energy(best.xy)[0].max(initial=1.0)
         threshold = LAST_WALL * float(worst) if self.worst else np.inf
         return kept_from_better(lanes, best.xy, Wall(1.0, threshold, 6))
@@ -295,7 +300,7 @@ class Optimize(_Staged):
         return exact_mean(1.0 / lanes.worst_shape(xy))
 
     @property
-    def _by_metric(self) -> bool:
+    def by_metric(self) -> bool:
         """Whether a metric says what is meant: it asks for angles of its own."""
         return not isinstance(self.target, str) and (callable(self.target) or self.target.ndim == 3)
 
@@ -304,20 +309,19 @@ class Optimize(_Staged):
         lanes: Lanes,
         inside: Inside,
         start: FloatArray,
-        found: tuple[list[Targets], bool],
+        meant: Meant,
         progress: Progress,
     ) -> tuple[Best, FloatArray]:
         """Improve the mean towards what the mesh is meant to be; where two readings of that differ,
         the one that comes nearer to squares and equilateral triangles is taken.
         """
         runs = []
-        readings, keep_mean = found
-        for targets in readings:
+        for targets in meant.readings:
             targets = targets_inside(targets, inside)
-            best, xy = self._aimed(lanes, targets, start, progress, keep_mean)
+            best, xy = self._aimed(lanes, targets, start, progress, meant.isotropic)
             runs.append((best.figures.plain_shape, targets, best, xy))
-            if best.figures.plain_shape * CLEARLY >= 1.0:
-                break  # no other can be so much better
+            if best.figures.plain_shape * CLEARLY >= 1.0 or progress.spent():
+                break  # no other can be so much better, or there is no time to try
         if callable(self.target):
             for _ in range(ASKINGS):
                 _, old, best, xy = runs[-1]
@@ -359,7 +363,7 @@ class Optimize(_Staged):
 
     def _nothing_to_gain(self, lanes: Lanes, best: Best) -> bool:
         """Whether even perfect cells would not be worth moving a vertex for."""
-        if self._by_metric or best.given.n_invalid:
+        if self.by_metric or best.given.n_invalid:
             return False
         angle = 90.0 if lanes.topology.n_quads else 60.0
         perfect = replace(
@@ -367,27 +371,24 @@ class Optimize(_Staged):
         )
         return perfect.gain(best.given) < LEAST_GAIN
 
-    def _targets(
-        self, inside: Inside, given: FloatArray, mended: FloatArray
-    ) -> tuple[list[Targets], bool]:
-        """What cells may be meant to be, plain first, then learned where that differs; and whether
-        the mesh itself says that ideal is what they are meant to be.
+    def read(self, inside: Inside, given: FloatArray, mended: FloatArray) -> Meant:
+        """What cells may be meant to be, plain first, then learned where that differs.
 
         They are learned of the mesh as it was given, or mended where too much of it is invalid; in
         the caller's order, as sums over the whole mesh are among them.
         """
         mesh, xy = inside.mesh, inside.back(mended)
         if not isinstance(self.target, str):
-            return [self._given(mesh, xy)], False
+            return Meant([self._given(mesh, xy)], False)
         if self.target == "initial":
-            return [self._sized(mesh, initial(mesh.topology, xy), xy)], False
+            return Meant([self._sized(mesh, initial(mesh.topology, xy), xy)], False)
         valid = None if mended is given else xy
         plain, learned = candidates(mesh.topology, inside.back(given), valid)
         isotropic = learned is plain and plain.kind == "ideal"
         found = [plain] if learned is plain else [plain, learned]
         if self.target == "ideal":
             found = [ideal(mesh.topology)]
-        return [self._sized(mesh, targets, xy) for targets in found], isotropic
+        return Meant([self._sized(mesh, targets, xy) for targets in found], isotropic)
 
     def _asked_again(self, inside: Inside, xy: FloatArray) -> Targets:
         """Targets of a function at coordinates that are in the order inside."""
