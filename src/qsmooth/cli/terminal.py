@@ -15,6 +15,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
+from qsmooth.kernels import compiling
+
 if TYPE_CHECKING:
     from qsmooth.result import SweepRecord
     from qsmooth.table import Table
@@ -107,16 +109,18 @@ def say(text: str) -> None:
         sys.stderr.flush()
 
 
-class _OnTerminal(logging.Handler):
+class _Saying(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
-        if _is_terminal(sys.stderr):
+        if record.msg != compiling.MESSAGE:
+            say(f"warning: {record.getMessage()}")
+        elif _is_terminal(sys.stderr):
             say(record.getMessage())
 
 
 @contextlib.contextmanager
 def told_of_compiling() -> Iterator[None]:
-    """Say on a terminal that kernels compile, which takes seconds and happens once."""
-    logger, handler = logging.getLogger("qsmooth"), _OnTerminal()
+    """Say what is logged; only on a terminal that kernels compile, which happens once."""
+    logger, handler = logging.getLogger("qsmooth"), _Saying()
     logger.addHandler(handler)
     try:
         yield
