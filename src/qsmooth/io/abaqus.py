@@ -12,7 +12,7 @@ from qsmooth._types import IndexArray
 from qsmooth.errors import MeshError
 from qsmooth.io.file_content import FACES, Block, FileContent
 from qsmooth.io.in_place import joined
-from qsmooth.io.text import Text, blanked, finish, line_of, positions, rows_of
+from qsmooth.io.text import Text, blanked, finish, integers, line_of, positions, rows_of
 
 NAME = "abaqus"
 ENDINGS = (".inp",)
@@ -121,7 +121,7 @@ class _Reader:
                 int(rows[row]), f"a node with {widths[row]} numbers: id and 2 or 3 coordinates"
             )
         table = self.text.numbers(first, last).reshape(-1, width)
-        self.ids.append(table[:, 0].astype(np.int64))
+        self.ids.append(integers(table[:, 0], "node"))
         self.points.append(table[:, 1:4])
         self.slots.append(rows[:-1, None] + np.arange(1, min(width, 4)))
         self.add("NSET", options, self.ids[-1])

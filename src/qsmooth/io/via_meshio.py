@@ -7,7 +7,7 @@ import io
 import warnings
 from collections.abc import Iterator, Set
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 NOT_MESHES = frozenset(("svg", "neuroglancer"))
 # One mesh in several files cannot be replaced in one step.
 SEVERAL_FILES = frozenset(("tetgen", "xdmf"))
+# Readers that go on reading for ever where a file ends too early, and whether they read text.
+ENDLESS = {"ansys": False, "mdpa": False, "tecplot": True}
+MOST_ENDS = 1000
 
 
 def names(path: Path, without: Set[str]) -> list[str]:
@@ -49,7 +52,8 @@ def read(path: Path, name: str) -> FileContent:
     import meshio
 
     with _quiet() as said, _as_mesh_error(said):
-        mesh = meshio.read(path, file_format=name)
+        file = path if name not in ENDLESS else _Ending.opened(path, text=ENDLESS[name])
+        mesh = meshio.read(file, file_format=name)
     content = content_of(mesh)
     content.format = name
     return content
@@ -77,6 +81,38 @@ def write(content: FileContent, path: Path, name: str) -> list[str]:
     except OSError as error:
         raise MeshError(f"cannot write '{path}': {reason(error)}") from error
     return lost
+
+
+class _Ending:
+    """A file that says so when somebody reads on and on behind its end."""
+
+    def __init__(self, file: io.IOBase) -> None:
+        self._file = file
+        self._ends = 0
+
+    @classmethod
+    def opened(cls, path: Path, text: bool) -> _Ending:
+        """The bytes of a file, as text or as they are."""
+        data = io.BytesIO(path.read_bytes())
+        return cls(io.TextIOWrapper(data) if text else data)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._file, name)
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter(self._file)
+
+    def read(self, *size: int) -> Any:
+        return self._counted(self._file.read(*size))  # type: ignore[attr-defined]
+
+    def readline(self, *size: int) -> Any:
+        return self._counted(self._file.readline(*size))
+
+    def _counted(self, found: Any) -> Any:
+        self._ends += not found
+        if self._ends > MOST_ENDS:
+            raise EOFError("the file ends too early")
+        return found
 
 
 def content_of(mesh: meshio.Mesh) -> FileContent:

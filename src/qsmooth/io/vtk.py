@@ -178,6 +178,8 @@ class _Reader:
                 cursor.fail("CONNECTIVITY expected")
             dtype = self.dtype([word.decode("latin-1") for word in line], 1)
             vertices = cursor.numbers(size, dtype, "vertices")
+            if offsets.dtype.kind == "f" or vertices.dtype.kind == "f":
+                cursor.fail(f"the offsets and vertices of {key} are no integers")
             offsets, vertices = offsets.astype(np.int64), vertices.astype(np.int64)
             if n and (offsets[0] != 0 or offsets[-1] != size or (np.diff(offsets) < 0).any()):
                 cursor.fail(f"the offsets of {key} do not fit its {size} vertices")
