@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import replace
@@ -260,6 +261,8 @@ class _Reader:
     def values(self, size: int, n_components: int, type_name: str) -> npt.NDArray[Any] | None:
         cursor, n = self.cursor, size * n_components
         if type_name.lower() == "string":
+            if n > len(cursor.data) - cursor.pos:
+                cursor.fail(f"the file ends too early: {n} texts expected")
             for _ in range(n):
                 self.skip_string()
             self.extras.append("text data")
@@ -331,7 +334,7 @@ class _Reader:
     def assemble(self, dataset: str) -> FileContent:
         if self.points is None:
             raise MeshError("the file has no POINTS")
-        if self.dimensions and int(np.prod(self.dimensions)) != self.n_points:
+        if self.dimensions and math.prod(self.dimensions) != self.n_points:
             raise MeshError(f"DIMENSIONS {self.dimensions} do not fit {self.n_points} points")
         offsets, vertices, types = self.all_cells()
         places = self.places.get("CELLS")
