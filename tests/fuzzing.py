@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import random
 import re
 import resource
@@ -121,7 +120,7 @@ MUTATIONS: tuple[Callable[[bytearray, random.Random], None], ...] = (
 
 
 def samples(written: Path) -> dict[str, bytes]:
-    """Good files by name: the samples, what is written in each format, real ones where there are."""
+    """Good files by name: samples, what is written in each format, real ones where there are."""
     from format_samples import FILES, content_of
 
     found = {name: content_of(name) for name in FILES}
@@ -144,7 +143,7 @@ def write_all(folder: Path) -> None:
 
     mesh = jittered(5, 5, kind="mixed", seed=1)
     for name, endings in formats().items():
-        with warnings.catch_warnings(), open(os.devnull, "w") as _:
+        with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             try:
                 write_mesh(folder / f"written-{name}{endings[0]}", mesh, format=name)

@@ -86,7 +86,7 @@ def write(content: FileContent, path: Path, name: str) -> list[str]:
 class _Ending:
     """A file that says so when somebody reads on and on behind its end."""
 
-    def __init__(self, file: io.IOBase) -> None:
+    def __init__(self, file: io.BytesIO | io.TextIOWrapper) -> None:
         self._file = file
         self._ends = 0
 
@@ -103,7 +103,7 @@ class _Ending:
         return iter(self._file)
 
     def read(self, *size: int) -> Any:
-        return self._counted(self._file.read(*size))  # type: ignore[attr-defined]
+        return self._counted(self._file.read(*size))
 
     def readline(self, *size: int) -> Any:
         return self._counted(self._file.readline(*size))

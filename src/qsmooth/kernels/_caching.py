@@ -8,7 +8,7 @@ same.
 
 import functools
 import logging
-import os
+from pathlib import Path
 from types import FunctionType
 from typing import Any
 
@@ -30,7 +30,7 @@ class _InAHome(_UserWide):  # type: ignore[misc]
     """The user's folder for caches; without a home Numba makes a folder called "~" anywhere."""
 
     def ensure_cache_path(self) -> None:
-        if not os.path.isabs(self.get_cache_path()):
+        if not Path(self.get_cache_path()).is_absolute():
             raise FileNotFoundError
         super().ensure_cache_path()
 

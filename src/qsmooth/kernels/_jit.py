@@ -11,7 +11,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 from numba.core import event
-from numba.core.compiler_lock import global_compiler_lock
+from numba.core.compiler_lock import global_compiler_lock as _global_compiler_lock
 from numba.extending import typeof_impl
 
 from qsmooth.kernels import compiling
@@ -23,6 +23,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 # Numba has type hints in some versions and none in others.
 _njit: Any = numba.njit
 _config: Any = numba.config
+_compiler_lock: Any = _global_compiler_lock
 _layer: Any = numba.threading_layer  # type: ignore[attr-defined, unused-ignore]
 # Python's error model tests every division for zero and so stops vectorisation.
 _COMMON = {"error_model": "numpy"}
@@ -136,18 +137,18 @@ class _Pool:
     def __init__(self) -> None:
         # A pool that was there before may be the parent's too.
         self.inherited = multiprocessing.parent_process() is not None and self.layer == "omp"
-        # Numba's workqueue ends the process where two Python threads run parallel regions at a time.
+        # Numba's workqueue ends the process where two Python threads run regions at a time.
         self.region = threading.Lock()
         if hasattr(os, "register_at_fork"):
             # A child of a fork while another thread compiles would wait for that thread for ever.
             os.register_at_fork(
-                before=global_compiler_lock.acquire,
-                after_in_parent=global_compiler_lock.release,
+                before=_compiler_lock.acquire,
+                after_in_parent=_compiler_lock.release,
                 after_in_child=self._after_fork,
             )
 
     def _after_fork(self) -> None:
-        global_compiler_lock.release()
+        _compiler_lock.release()
         self.inherited = self.layer == "omp"
         self.region = threading.Lock()
 
