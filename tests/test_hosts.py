@@ -271,7 +271,7 @@ def state():
         "umask": [os.umask(0o22), os.umask(0o22)][1], "signals": handlers,
         "hooks": [str(sys.excepthook), str(threading.excepthook), str(sys.stdout)],
         "logging": [str(logging.root.handlers), logging.root.level, logging.root.manager.disable],
-        "our logger": [str(logging.getLogger("qsmooth").handlers), logging.getLogger("qsmooth").level],
+        "our logger": str(vars(logging.getLogger("qsmooth"))["handlers"]),
         "affinity": sorted(os.sched_getaffinity(0)), "faulthandler": faulthandler.is_enabled(),
         "path": sys.path[:], "switch": sys.getswitchinterval(),
     }
@@ -295,12 +295,12 @@ result.before, result.after, str(result.reason), result.to_dict()
 untangle(examples.tangled(8, 8, seed=1))
 quality(mesh).summary(), limits(mesh), inspect(mesh)
 for name in ("a.off", "a.vtu", "a.bdf"):
-    write_mesh(name, mesh)
+    write_mesh(name, examples.structured(4, 4))
     read_mesh(name)
     os.remove(name)
-for wrong in (lambda: smooth(mesh, "stars"), lambda: read_mesh("no.off"), lambda: write_mesh("a.x", mesh)):
+for call, *wrong in ((smooth, mesh, "stars"), (read_mesh, "no.off"), (write_mesh, "a.x", mesh)):
     try:
-        wrong()
+        call(*wrong)
     except ValueError:
         pass
 after = state()

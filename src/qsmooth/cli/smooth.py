@@ -52,6 +52,7 @@ def smooth(
 
     Boundary vertices stay. OUT keeps everything that IN holds but the coordinates.
     """
+    from qsmooth.io import write_mesh
     from qsmooth.metrics import find_metric
     from qsmooth.output import tables
 
@@ -69,15 +70,6 @@ def smooth(
     files.require_format(output, mesh, output_format)
     result = running.run(mesh, chosen, why)
     limits = running.limits_of(result, chosen)
-    from qsmooth.io import write_mesh
-
-    write_mesh(output, result.mesh, format=output_format)
-    written = [output]
-    if plot is not None:
-        from qsmooth.output.figures import save_figures
-
-        save_figures(mesh, result, plot, metric=plot_metric)
-        written.append(plot)
     facts = {
         "input": str(mesh_file),
         "output": str(output),
@@ -85,10 +77,18 @@ def smooth(
         **result.to_dict(),
         "limits": limits.to_dict(),
     }
-    if terminal.write_json(json_file, facts):
-        return
-    terminal.write_heading(f"{mesh_file}: {tables.size_text(result.before)}")
-    terminal.write_table(tables.change_table(result.before, result.after))
-    running.show_outcome(result)
-    running.show_limits(limits)
-    terminal.write_line(f"Wrote {' and '.join(map(str, written))}")
+    with files.Outputs() as outputs:
+        outputs.put(output, lambda: write_mesh(output, result.mesh, format=output_format))
+        if plot is not None:
+            from qsmooth.output.figures import save_figures
+
+            outputs.put(plot, lambda: save_figures(mesh, result, plot, metric=plot_metric))
+        written = outputs.written[:]
+        if outputs.put_json(json_file, facts):
+            return
+        terminal.write_heading(f"{mesh_file}: {tables.size_text(result.before)}")
+        terminal.write_table(tables.change_table(result.before, result.after))
+        running.show_outcome(result)
+        running.show_limits(limits)
+        if written:
+            terminal.write_line(f"Wrote {' and '.join(map(str, written))}")

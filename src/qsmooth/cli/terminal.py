@@ -7,12 +7,10 @@ warnings and errors go to standard error.
 from __future__ import annotations
 
 import contextlib
-import json
 import logging
 import sys
 import textwrap
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from qsmooth.kernels import compiling
@@ -84,20 +82,6 @@ def write_title(text: str) -> None:
     """Print the title of a text that follows."""
     if not _write_rich(text, "bold"):
         write(text)
-
-
-def write_json(path: Path | None, facts: dict[str, Any]) -> bool:
-    """Write facts as JSON; True if that went to standard output in place of the tables."""
-    from qsmooth._json import finite
-
-    if path is None:
-        return False
-    text = json.dumps(finite(facts), indent=2, allow_nan=False)
-    if path == Path("-"):
-        write(text)
-        return True
-    path.write_text(text + "\n", encoding="utf-8")
-    return False
 
 
 def say(text: str) -> None:
