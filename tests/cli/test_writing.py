@@ -1,4 +1,4 @@
-"""Disks that are full and folders that are closed: the tables are shown, and the old files whole."""
+"""Full disks and closed folders: tables are shown all the same, and the old files are whole."""
 
 import errno
 import json

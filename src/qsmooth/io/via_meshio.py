@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import io
+import random
+import sys
 import warnings
 from collections.abc import Iterator, Set
 from pathlib import Path
@@ -27,9 +29,20 @@ ENDLESS = {"ansys": False, "mdpa": False, "tecplot": True}
 MOST_ENDS = 1000
 
 
+def loaded() -> Any:
+    """Load meshio; rich, which it brings, draws from the caller's random numbers meanwhile."""
+    if "meshio" not in sys.modules:
+        state = random.getstate()
+        try:
+            import meshio  # noqa: F401
+        finally:
+            random.setstate(state)
+    return sys.modules["meshio"]
+
+
 def names(path: Path, without: Set[str]) -> list[str]:
     """Names of the formats that meshio has for this ending, `without` left out."""
-    import meshio
+    meshio = loaded()
 
     found = meshio.extension_to_filetypes.get(path.suffix.lower(), [])
     return [name for name in found if name not in without | NOT_MESHES]
@@ -37,7 +50,7 @@ def names(path: Path, without: Set[str]) -> list[str]:
 
 def formats(without: Set[str]) -> dict[str, tuple[str, ...]]:
     """Names and endings of meshio's formats, `without` left out."""
-    import meshio
+    meshio = loaded()
 
     endings: dict[str, list[str]] = {}
     for ending, found in meshio.extension_to_filetypes.items():
@@ -49,7 +62,7 @@ def formats(without: Set[str]) -> dict[str, tuple[str, ...]]:
 
 def read(path: Path, name: str) -> FileContent:
     """Read through meshio; every way in which it fails is a MeshError."""
-    import meshio
+    meshio = loaded()
 
     with _quiet() as said, _as_mesh_error(said):
         file = path if name not in ENDLESS else _Ending.opened(path, text=ENDLESS[name])
@@ -61,7 +74,7 @@ def read(path: Path, name: str) -> FileContent:
 
 def write(content: FileContent, path: Path, name: str) -> list[str]:
     """Write through meshio, read back what was written and list what is missing there."""
-    import meshio
+    meshio = loaded()
 
     if name in SEVERAL_FILES:
         raise MeshError(f"cannot write '{path}': format {name} takes several files")
@@ -165,7 +178,7 @@ def content_of(mesh: meshio.Mesh) -> FileContent:
 
 def meshio_of(content: FileContent) -> meshio.Mesh:
     """The content as a mesh of meshio; regions become cell data "region"."""
-    import meshio
+    meshio = loaded()
 
     cell_data = dict(content.cell_data)
     if content.tags is not None and region_tags(cell_data, content.blocks) is None:
