@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import os
+from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from qsmooth._json import finite
 from qsmooth.cli.options import FILES, REPORT
-from qsmooth.cli.terminal import status
+from qsmooth.cli.terminal import status, write
+from qsmooth.errors import MeshError
 
 if TYPE_CHECKING:
     from qsmooth.mesh import Mesh
@@ -140,3 +144,47 @@ def _same_file(one: Path, other: Path) -> bool:
     if one.exists() and other.exists():
         return one.samefile(other)
     return os.path.realpath(one) == os.path.realpath(other)
+
+
+class Outputs:
+    """What a command writes. What cannot be written is told after the tables: they took the time.
+
+    Used as a context; the end of it is the error.
+    """
+
+    def __init__(self) -> None:
+        self.written: list[Path] = []
+        self._failed: list[str] = []
+
+    def __enter__(self) -> Outputs:
+        return self
+
+    def put(self, path: Path, make: Callable[[], object]) -> None:
+        """Have `make` write a file, or files into a folder."""
+        from qsmooth.io.files import reason
+
+        try:
+            make()
+        except (OSError, ValueError) as error:
+            where = getattr(error, "filename", None) or path
+            told = isinstance(error, ValueError)
+            self._failed.append(str(error) if told else f"cannot write '{where}': {reason(error)}")
+        else:
+            self.written.append(path)
+
+    def put_json(self, path: Path | None, facts: dict[str, Any]) -> bool:
+        """Write facts as JSON; True if that went to standard output in place of the tables."""
+        from qsmooth.io.files import replace_bytes
+
+        if path is None:
+            return False
+        text = json.dumps(finite(facts), indent=2, allow_nan=False)
+        if path == Path("-"):
+            write(text)
+            return True
+        self.put(path, lambda: replace_bytes(path, f"{text}\n".encode()))
+        return False
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if self._failed and (kind is None or issubclass(kind, typer.Exit)):
+            raise MeshError("; ".join(self._failed))

@@ -154,7 +154,7 @@ def _read(path: Path, name: str | None) -> FileContent:
         return content
     try:
         content = form.read(clean)
-    except MeshError:
+    except (MeshError, MemoryError):
         raise
     except Exception as error:  # a file can be wrong in more ways than a reader checks
         raise MeshError(f"no valid file of format {form.NAME} ({error!r})") from error

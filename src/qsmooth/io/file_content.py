@@ -23,6 +23,9 @@ Block = tuple[str, IndexArray]
 N_VERTICES = {"vertex": 1, "line": 2, "triangle": 3, "quad": 4}
 FACES = ("triangle", "quad")
 
+# So many of the types that are refused are named.
+NAMED = 5
+
 # Cell data that says which region a cell belongs to, the first found wins; integers only.
 REGION_NAMES = (
     "region",
@@ -141,8 +144,12 @@ class FileContent:
         first_cell = 0
         for b, (kind, cells) in enumerate(self.blocks):
             if kind not in N_VERTICES:
-                count, where = refused.get(kind, (0, self._place(b, 0, first_cell)))
-                refused[kind] = (count + len(cells), where)
+                if kind not in refused:  # asked once: it counts the lines before it
+                    refused[kind] = (
+                        0,
+                        "" if len(refused) > NAMED else self._place(b, 0, first_cell),
+                    )
+                refused[kind] = (refused[kind][0] + len(cells), refused[kind][1])
             elif cells.size and not (cells.min() >= 0 and cells.max() < n_vertices):
                 bad = (cells < 0) | (cells >= n_vertices)
                 rows = np.flatnonzero(bad.any(axis=1))
@@ -157,10 +164,11 @@ class FileContent:
         if refused:
             kinds = ", ".join(
                 f"{count} of type {kind}{_reason(kind)} (the first is {where})"
-                for kind, (count, where) in refused.items()
+                for kind, (count, where) in list(refused.items())[:NAMED]
             )
+            more = f", and {len(refused) - NAMED} more types" if len(refused) > NAMED else ""
             raise MeshError(
-                f"only first-order triangles and quads can be smoothed; there are {kinds}"
+                f"only first-order triangles and quads can be smoothed; there are {kinds}{more}"
             )
         if not self.faces:
             raise MeshError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import replace
@@ -179,6 +180,8 @@ class _Reader:
                 cursor.fail("CONNECTIVITY expected")
             dtype = self.dtype([word.decode("latin-1") for word in line], 1)
             vertices = cursor.numbers(size, dtype, "vertices")
+            if offsets.dtype.kind == "f" or vertices.dtype.kind == "f":
+                cursor.fail(f"the offsets and vertices of {key} are no integers")
             offsets, vertices = offsets.astype(np.int64), vertices.astype(np.int64)
             if n and (offsets[0] != 0 or offsets[-1] != size or (np.diff(offsets) < 0).any()):
                 cursor.fail(f"the offsets of {key} do not fit its {size} vertices")
@@ -278,6 +281,8 @@ class _Reader:
     def values(self, size: int, n_components: int, type_name: str) -> npt.NDArray[Any] | None:
         cursor, n = self.cursor, size * n_components
         if type_name.lower() == "string":
+            if n > len(cursor.data) - cursor.pos:
+                cursor.fail(f"the file ends too early: {n} texts expected")
             for _ in range(n):
                 self.skip_string()
             self.extras.append("text data")
@@ -349,7 +354,7 @@ class _Reader:
     def assemble(self, dataset: str) -> FileContent:
         if self.points is None:
             raise MeshError("the file has no POINTS")
-        if self.dimensions and int(np.prod(self.dimensions)) != self.n_points:
+        if self.dimensions and math.prod(self.dimensions) != self.n_points:
             raise MeshError(f"DIMENSIONS {self.dimensions} do not fit {self.n_points} points")
         offsets, vertices, types = self.all_cells()
         places = self.places.get("CELLS")

@@ -15,13 +15,13 @@ from xml.etree import ElementTree
 import numpy as np
 import numpy.typing as npt
 
-from qsmooth._types import FloatArray
+from qsmooth._types import FloatArray, IndexArray
 from qsmooth.errors import MeshError
 from qsmooth.io.file_content import N_VERTICES, FileContent, region_tags
 from qsmooth.io.in_place import Edit, InPlace, Slots, joined, replace
 from qsmooth.io.text import Text
 from qsmooth.io.vtk import CODES, blocks_of, cell_arrays
-from qsmooth.io.vtu_blocks import Storage
+from qsmooth.io.vtu_blocks import MOST_MORE, MOST_TIMES, Storage
 
 NAME = "vtu"
 ENDINGS = (".vtu",)
@@ -111,7 +111,8 @@ class _Reader:
         compressor = self.root.get("compressor")
         if header not in ("UInt32", "UInt64"):
             raise MeshError(f"header_type {header} is not read")
-        self.storage = Storage(order, order + DTYPES[header], compressor)
+        room = MOST_TIMES * len(data) + MOST_MORE
+        self.storage = Storage(order, order + DTYPES[header], compressor, room)
         element = self.root.find("AppendedData")
         self.appended_base64 = element is not None and element.get("encoding") == "base64"
         self.extras: list[str] = []
@@ -140,8 +141,7 @@ class _Reader:
                 raise MeshError(f"points of type {element.get('type')} cannot move")
             cells = {e.get("Name"): e for e in piece.findall("Cells/DataArray")}
             v, o, t = (
-                self.values(cells.get(name)).astype(np.int64)
-                for name in ("connectivity", "offsets", "types")
+                self.integers(cells.get(name)) for name in ("connectivity", "offsets", "types")
             )
             last = int(o[-1]) if len(o) else 0
             bad = len(o) != n_cells or len(t) != n_cells or last != len(v)
@@ -208,6 +208,12 @@ class _Reader:
             return np.frombuffer(raw, self.storage.order + dtype).astype(dtype)
         except (MeshError, ValueError, binascii.Error, zlib.error, lzma.LZMAError) as error:
             raise MeshError(f"array {name!r}: {error}") from error
+
+    def integers(self, element: ElementTree.Element | None) -> IndexArray:
+        values = self.values(element)
+        if values.dtype.kind == "f" and element is not None:
+            raise MeshError(f"array {element.get('Name')!r} has no integers")
+        return values.astype(np.int64)
 
     def stored(self, element: ElementTree.Element) -> tuple[bytes, bool]:
         """Bytes that begin with the block of a DataArray, and whether they are base64."""

@@ -14,10 +14,24 @@ from qsmooth.errors import MeshError
 
 BLOCK = 1 << 15  # bytes that VTK compresses at a time
 
-Codec = tuple[Callable[[bytes], bytes], Callable[[bytes], bytes]]
+# Arrays of a file may take so many times its bytes, and some more, and decoding this much beside: a
+# few bytes can say that they are gigabytes.
+MOST_TIMES, MOST_MORE = 100, 1 << 26
+
+
+def _inflated(packed: bytes, size: int) -> bytes:
+    return zlib.decompressobj().decompress(packed, size)
+
+
+def _unpacked(packed: bytes, size: int) -> bytes:
+    return lzma.LZMADecompressor(memlimit=MOST_MORE + (1 << 23)).decompress(packed, size)
+
+
+# Compresses bytes; makes so many bytes of compressed ones, or fewer.
+Codec = tuple[Callable[[bytes], bytes], Callable[[bytes, int], bytes]]
 CODECS: dict[str, Codec] = {
-    "vtkZLibDataCompressor": (zlib.compress, zlib.decompress),
-    "vtkLZMADataCompressor": (lzma.compress, lzma.decompress),
+    "vtkZLibDataCompressor": (zlib.compress, _inflated),
+    "vtkLZMADataCompressor": (lzma.compress, _unpacked),
 }
 
 
@@ -28,6 +42,7 @@ class Storage:
     order: str
     header: str
     compressor: str | None
+    room: int = 0  # bytes that may still be made of compressed ones
 
     @property
     def codec(self) -> Codec | None:
@@ -55,7 +70,13 @@ class Storage:
         n_blocks = self.heads(stored, 1, encoded)[0]
         if n_blocks > len(stored):
             raise MeshError(f"{n_blocks} compressed blocks: the data is damaged")
-        sizes = self.heads(stored, 3 + n_blocks, encoded)[3:]
+        _, whole, rest, *sizes = self.heads(stored, 3 + n_blocks, encoded)
+        raw_sizes = [*[whole] * (n_blocks - 1), rest or whole][:n_blocks]
+        self.room -= sum(raw_sizes)
+        if self.room < 0:
+            raise MeshError(
+                f"{sum(raw_sizes)} bytes are said to be compressed in it: the data is damaged"
+            )
         n, begin = sum(sizes), (3 + n_blocks) * self.size
         if encoded:
             begin = _base64_length(begin)
@@ -64,8 +85,10 @@ class Storage:
         else:
             packed, length = self.cut(stored, begin, n), begin + n
         pieces, at = [], 0
-        for size in sizes:
-            pieces.append(codec[1](packed[at : at + size]))
+        for size, raw_size in zip(sizes, raw_sizes, strict=True):
+            pieces.append(codec[1](packed[at : at + size], raw_size))
+            if len(pieces[-1]) != raw_size:
+                raise MeshError(f"a block has {len(pieces[-1])} bytes, not {raw_size}")
             at += size
         return b"".join(pieces), length
 
