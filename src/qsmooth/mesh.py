@@ -242,7 +242,7 @@ class Mesh:
         mesh = self._copy()
         mesh._cells = [read_only(cells)]
         mesh._topology = Topology(
-            self.n_vertices, mesh._cells, self.is_fixed, regions, self._topology.lines
+            self.n_vertices, mesh._cells, self._topology.given_fixed, regions, self._topology.lines
         )
         return mesh
 

@@ -41,6 +41,8 @@ class Topology:
         Cells that run the other way than the caller's.
     used, is_boundary, is_fixed : (n_vertices,)
         In a cell; on an edge with only one cell; never to move: boundary, the caller's, orphans.
+    given_fixed : (n_vertices,)
+        Vertices that the caller says are fixed.
     regions : (n_cells,) or None
         Region of each cell.
     lines : (k, 2)
@@ -108,9 +110,9 @@ class Topology:
             kernels.mark_edge_ends(n_vertices, self.cell_offsets, vertices, twins < 0)
         )
         is_fixed = self.is_boundary | ~self.used
-        if fixed is not None:
-            is_fixed |= fixed
-        self.is_fixed = read_only(is_fixed)
+        given = np.zeros(n_vertices, np.bool_) if fixed is None else fixed
+        self.given_fixed = read_only(given)
+        self.is_fixed = read_only(is_fixed | given)
         self._schedules: dict[bool, Stars] = {}
         self._blocks: dict[bool, Blocks] = {}
         self.is_renumbered = False
@@ -329,6 +331,7 @@ class Topology:
             turned=read_only(np.zeros(self.n_cells, np.bool_)),
             used=read_only(self.used[vertex_ids]),
             is_boundary=read_only(self.is_boundary[vertex_ids]),
+            given_fixed=read_only(self.given_fixed[vertex_ids]),
             is_fixed=read_only(self.is_fixed[vertex_ids]),
             is_interface=read_only(self.is_interface[vertex_ids]),
             _given_star_corners=star_corners,
