@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -125,8 +126,7 @@ def parse_curve(text: str) -> list[FloatArray]:
         If there is no such file, or something else in it.
     """
     try:
-        with open(text, encoding="utf-8") as file:
-            blocks = file.read().replace(",", " ").split("\n\n")
+        blocks = Path(text).read_text(encoding="utf-8").replace(",", " ").split("\n\n")
         curves = [
             np.array([[float(word) for word in row.split()] for row in block.splitlines() if row])
             for block in blocks

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from qsmooth._types import BoolArray, FloatArray, IndexArray
+from qsmooth._types import BoolArray, FloatArray, IndexArray, TableArray
 from qsmooth.kernels.stars import Stars
 from qsmooth.mesh import Mesh
 from qsmooth.numbering import Inside
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
 # Multiple of the Newton step that is tried first.
 RELAXATION = 1.7
-# A mesh is not asked for more than this share beyond the tolerance: rounding of what is reported.
-ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -232,8 +230,8 @@ class Slider:
         )
 
 
-def _places(ids: IndexArray) -> IndexArray:
-    """Where each id is in a permutation, in the 32 bits of tables."""
+def _places(ids: IndexArray) -> TableArray:
+    """Where each id is in a permutation."""
     places = np.empty(ids.size, np.uint32)
     places[ids] = np.arange(ids.size, dtype=np.uint32)
-    return places  # type: ignore[return-value]
+    return places

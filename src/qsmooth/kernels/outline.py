@@ -337,9 +337,9 @@ def meets_side(
             continue
         if not apart:
             a, b = ends[k - leaves, 0], ends[k - leaves, 1]
-            if a != u and b != u and a != v and b != v:
-                if _meet(x, y, ux, uy, xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1]):
-                    return True
+            own = a == u or b == u or a == v or b == v
+            if not own and _meet(x, y, ux, uy, xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1]):
+                return True
         while k & 1:
             k >>= 1
         if k == 0:

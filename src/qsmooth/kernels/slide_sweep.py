@@ -14,7 +14,7 @@ import math
 
 import numpy as np
 
-from qsmooth._types import BoolArray, FloatArray, IndexArray
+from qsmooth._types import FloatArray, IndexArray
 from qsmooth.kernels._jit import helper, kernel
 from qsmooth.kernels.blocks import LANES, Blocks, Rows, block_at
 from qsmooth.kernels.lanes import (
