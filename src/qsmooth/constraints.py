@@ -2,11 +2,87 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from qsmooth.options import Options, opaque, option
-from qsmooth.selection import parse_selection
+import numpy as np
+import numpy.typing as npt
+
+from qsmooth._types import BoolArray, FloatArray
+from qsmooth.kernels.rails import FREE, Rails
+from qsmooth.mesh import Mesh
+from qsmooth.numbering import Inside
+from qsmooth.options import OptionError, Options, opaque, option
+from qsmooth.selection import marked, parse_selection, select_cells, vertices_of
+
+# Of the largest coordinate of points in a tilted plane: more than their rounding.
+ROUNDING = 2.0**-49
+
+
+@dataclass(frozen=True, kw_only=True)
+class Freedom:
+    """What may move of one mesh, and where to.
+
+    Attributes
+    ----------
+    movable : (n_vertices,)
+        Vertices that may move at all.
+    cells : (n_cells,) or None
+        Selected cells; None for all.
+    origin : (n_vertices, 2)
+        Where the vertices were.
+    reach : (n_vertices,) or None
+        How far from there each may be; None for any distance.
+    directions : (n_vertices, 2) or None
+        Unit vectors along which alone they may move, NaN for any direction; None for all.
+    rounding
+        A length that a move may grow by when it is stored: in a tilted plane.
+    """
+
+    movable: BoolArray
+    cells: BoolArray | None
+    origin: FloatArray
+    reach: FloatArray | None = None
+    directions: FloatArray | None = None
+    rounding: float = 0.0
+
+    @property
+    def n_movable(self) -> int:
+        """How many vertices may move."""
+        return int(self.movable.sum())
+
+    def beyond(self, moves: FloatArray) -> BoolArray:
+        """Mark vertices whose moves, (n_vertices, 2 or 3), are longer than they may be."""
+        if self.reach is None:
+            return np.zeros(len(moves), np.bool_)
+        within: BoolArray = np.linalg.norm(moves, axis=1) <= self.reach
+        return ~within
+
+    def inside(self, inside: Inside) -> Freedom:
+        """Put it into the order inside; the selected cells stay the caller's."""
+        if not inside.topology.is_renumbered:
+            return self
+        return replace(
+            self,
+            movable=self.movable[inside.topology.vertex_ids],
+            origin=inside.at_vertices(self.origin),
+            reach=None if self.reach is None else inside.at_vertices(self.reach),
+            directions=None if self.directions is None else inside.at_vertices(self.directions),
+        )
+
+    def rails(self) -> Rails:
+        """Say it to kernels; empty where movable vertices may be anywhere."""
+        if self.reach is None and self.directions is None:
+            return FREE
+        n = len(self.origin)
+        reach = np.full(n, np.inf) if self.reach is None else self.reach
+        return Rails(
+            origin=self.origin.copy(),
+            reach=np.maximum(reach - self.rounding, 0.0),
+            direction=np.full((n, 2), np.nan)
+            if self.directions is None
+            else self.directions.copy(),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,3 +146,88 @@ class Constraints(Options):
         metavar="DIRECTIONS",
         help="Directions along which alone vertices may move, (n_vertices, 2), NaN for free.",
     )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if isinstance(self.selection, str):
+            parse_selection(self.selection)
+        if self.directions is not None:
+            object.__setattr__(self, "directions", unit_vectors(self.directions))
+
+    def freedom(self, mesh: Mesh) -> Freedom:
+        """Work out what may move of a mesh, in the caller's order.
+
+        Raises
+        ------
+        OptionError
+            Where a constraint does not fit the mesh.
+        """
+        movable = mesh.topology.movable(self.keep_interfaces)
+        cells = None
+        if self.selection is not None:
+            cells = select_cells(mesh, self.selection, self.selection_rings)
+            movable &= vertices_of(mesh, cells)
+        if self.fixed is not None:
+            movable &= ~marked(np.asarray(self.fixed), mesh.n_vertices, "vertex", "fixed")
+        directions = self.directions
+        if directions is not None and len(directions) != mesh.n_vertices:
+            raise OptionError(
+                f"`directions` must have the shape ({mesh.n_vertices}, 2), got {directions.shape}"
+            )
+        return Freedom(
+            movable=movable,
+            cells=cells,
+            origin=mesh.xy,
+            reach=self._reach(mesh),
+            directions=directions,
+            rounding=0.0 if mesh.plane is None else ROUNDING * float(np.abs(mesh.points).max()),
+        )
+
+    def _reach(self, mesh: Mesh) -> FloatArray | None:
+        """How far each vertex may come from where it is, (n_vertices,)."""
+        if self.max_move is None and self.max_move_share is None:
+            return None
+        reach = np.full(mesh.n_vertices, np.inf if self.max_move is None else self.max_move)
+        if self.max_move_share is not None:
+            np.minimum(reach, self.max_move_share * shortest_edges(mesh), out=reach)
+        return reach
+
+
+def unit_vectors(directions: npt.ArrayLike) -> FloatArray:
+    """Take directions as unit vectors, (n, 2); rows of NaN stay.
+
+    Raises
+    ------
+    OptionError
+        If they are no such array, or one has no length.
+    """
+    try:
+        array = np.array(directions, np.float64)
+    except (TypeError, ValueError):
+        raise OptionError("`directions` must be numbers in an (n_vertices, 2) array") from None
+    if array.ndim != 2 or array.shape[1] != 2:
+        raise OptionError(f"`directions` must have the shape (n_vertices, 2), got {array.shape}")
+    free = np.isnan(array)
+    array[free.all(axis=1)] = np.nan
+    # Scaled first: squares would overflow, or vanish.
+    largest = np.abs(array).max(axis=1, initial=0.0)
+    bad = ~free.all(axis=1) & ~(np.isfinite(largest) & (largest > 0.0))
+    if bad.any():
+        v = int(np.argmax(bad))
+        raise OptionError(
+            "each row of `directions` must be a vector with a length, or NaN twice; that of vertex "
+            f"{v} is {array[v].tolist()}"
+        )
+    array /= largest[:, None]
+    array /= np.hypot(array[:, 0], array[:, 1])[:, None]
+    return array
+
+
+def shortest_edges(mesh: Mesh) -> FloatArray:
+    """Measure the shortest edge of each vertex, (n_vertices,); infinite for one without edges."""
+    from qsmooth.kernels.untangle_sweep import shortest_edges
+
+    out = np.empty(mesh.n_vertices)
+    everyone = np.arange(mesh.n_vertices, dtype=np.uint32)
+    shortest_edges(mesh.xy.copy(), *mesh.topology.rings, everyone, out)
+    return out

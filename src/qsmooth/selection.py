@@ -23,6 +23,8 @@ _COMPARE: dict[str, Callable[[Any, Any], Any]] = {
     ">=": operator.ge,
 }
 _IDS = re.compile(r"[\d\s,]*\d[\d\s,]*")
+# What else options take than ids and masks.
+OTHERWISE = {"selection": "a threshold", "fixed": "a condition"}
 _THRESHOLD = re.compile(r"\s*([\w-]+)\s*(<=|>=|<|>)\s*(\S+)\s*")
 
 
@@ -86,13 +88,13 @@ def select_cells(mesh: Mesh, selection: npt.ArrayLike | str, rings: int = 0) -> 
     """
     if isinstance(selection, str):
         name, comparison, threshold = parse_threshold(selection)
-        marked: BoolArray = np.asarray(_COMPARE[comparison](quality(mesh)[name], threshold))
+        chosen: BoolArray = np.asarray(_COMPARE[comparison](quality(mesh)[name], threshold))
     else:
-        marked = _marked(np.asarray(selection), mesh.n_cells)
+        chosen = marked(np.asarray(selection), mesh.n_cells, "cell", "selection")
     for _ in range(rings):
-        touched = vertices_of(mesh, marked)
-        marked = np.logical_or.reduceat(touched[mesh.cell_vertices], mesh.cell_offsets[:-1])
-    return marked
+        touched = vertices_of(mesh, chosen)
+        chosen = np.logical_or.reduceat(touched[mesh.cell_vertices], mesh.cell_offsets[:-1])
+    return chosen
 
 
 def vertices_of(mesh: Mesh, cells: BoolArray) -> BoolArray:
@@ -102,24 +104,35 @@ def vertices_of(mesh: Mesh, cells: BoolArray) -> BoolArray:
     return vertices
 
 
-def _marked(array: npt.NDArray[Any], n_cells: int) -> BoolArray:
+def marked(array: npt.NDArray[Any], n: int, what: str, option: str) -> BoolArray:
+    """Take a mask or ids of cells or vertices as a mask, (n,).
+
+    Parameters
+    ----------
+    what, option
+        "cell" or "vertex", and the option that it is given as, for messages.
+
+    Raises
+    ------
+    OptionError
+        If it is neither, or has ids that there are not.
+    """
     if array.dtype == np.bool_:
-        if array.shape != (n_cells,):
-            raise OptionError(
-                f"a `selection` mask must have the shape ({n_cells},), got {array.shape}"
-            )
+        if array.shape != (n,):
+            raise OptionError(f"a `{option}` mask must have the shape ({n},), got {array.shape}")
         return array.copy()
-    marked = np.zeros(n_cells, np.bool_)
+    mask = np.zeros(n, np.bool_)
     if array.size == 0:
-        return marked
+        return mask
     if array.dtype.kind not in "iu" or array.ndim != 1:
-        raise OptionError("`selection` must be cell ids, a boolean mask or a threshold")
-    bad = (array < 0) | (array >= n_cells)
+        raise OptionError(f"`{option}` must be {what} ids, a boolean mask or {OTHERWISE[option]}")
+    bad = (array < 0) | (array >= n)
     if bad.any():
-        n = int(bad.sum())
+        count = int(bad.sum())
         raise OptionError(
-            f"{n} {'cell id in `selection` is' if n == 1 else 'cell ids in `selection` are'} "
-            f"outside 0 .. {n_cells - 1}, the first is {array[np.argmax(bad)]}"
+            f"{count} {what} {'id' if count == 1 else 'ids'} in `{option}` "
+            f"{'is' if count == 1 else 'are'} outside 0 .. {n - 1}, "
+            f"the first is {array[np.argmax(bad)]}"
         )
-    marked[array.astype(np.int64)] = True
-    return marked
+    mask[array.astype(np.int64)] = True
+    return mask

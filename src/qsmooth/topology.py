@@ -359,6 +359,16 @@ class Topology:
             self._schedules[keep_interfaces] = self._make_schedule(self.movable(keep_interfaces))
         return self._schedules[keep_interfaces]
 
+    def schedule_of(self, movable: BoolArray) -> Stars:
+        """Return the vertices marked as movable, (n_vertices,), in the order of a sweep.
+
+        Unlike `schedule` it asks no further: also vertices that usually stay may be among them.
+        """
+        for keep_interfaces in (True, False):
+            if np.array_equal(movable, self.movable(keep_interfaces)):
+                return self.schedule(keep_interfaces)
+        return self._make_schedule(movable)
+
     def blocks(self, stars: Stars) -> Blocks:
         """Cut a schedule into blocks of lanes, once for those without a selection."""
         from qsmooth.kernels.blocks import build_blocks

@@ -44,7 +44,7 @@ def rows_of(schedule, i):
 
 def check(mesh):
     schedule, made = blocks_of(mesh)
-    colour_blocks, blocks, vertices, stars, cells, largest = made
+    colour_blocks, blocks, vertices, stars, cells, largest, _ = made
     corners_of_rows = row_corners(made, *mesh.topology.cells)
     n = schedule.vertices.size
     assert largest == schedule.largest

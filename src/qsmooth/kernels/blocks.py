@@ -12,6 +12,7 @@ import numpy as np
 from qsmooth._types import BlockArray, FloatArray, IndexArray, TableArray
 from qsmooth.kernels._jit import helper, inlined_helper, kernel
 from qsmooth.kernels.corner_energy import EQUILATERAL, SQUARE
+from qsmooth.kernels.rails import Rails
 from qsmooth.kernels.stars import NO_VERTEX, Stars
 
 # Vertices in a block: enough to hide latencies, few enough that a large star stays in cache.
@@ -44,6 +45,8 @@ class Blocks(NamedTuple):
         ...
     largest
         Cells in the largest star.
+    rails
+        Where the vertices may be.
     """
 
     colour_blocks: IndexArray
@@ -52,6 +55,7 @@ class Blocks(NamedTuple):
     stars: TableArray
     cells: TableArray
     largest: int
+    rails: Rails
 
 
 class Rows(NamedTuple):
@@ -140,7 +144,7 @@ def _in_order(kind: IndexArray, colour_offsets: IndexArray, largest: int) -> Ind
 
 @kernel()
 def build_blocks(stars: Stars) -> Blocks:
-    """Cut coloured vertices into blocks of equal stars.
+    """Cut coloured vertices into blocks of equal stars; they may be anywhere.
 
     Within a colour, blocks come in the order of their make-up, but for hubs, and vertices of one
     make-up in the order they had.
@@ -210,7 +214,8 @@ def build_blocks(stars: Stars) -> Blocks:
             i += size
             b += 1
         colour_blocks[colour + 1] = b
-    return Blocks(colour_blocks, table, vertices, entries, cells, largest)
+    free = Rails(np.empty((0, 2)), np.empty(0), np.empty((0, 2)))
+    return Blocks(colour_blocks, table, vertices, entries, cells, largest, free)
 
 
 @kernel()

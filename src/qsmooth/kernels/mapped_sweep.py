@@ -18,6 +18,7 @@ from numba import prange
 from qsmooth._types import FloatArray, TableArray
 from qsmooth.kernels._jit import helper, inlined_helper, parallel_kernel
 from qsmooth.kernels.blocks import LANES, Block, Blocks, Rows, block_at
+from qsmooth.kernels.confining import confined
 from qsmooth.kernels.lanes import (
     ENERGY,
     FRACTIONS,
@@ -40,9 +41,11 @@ from qsmooth.kernels.lanes import (
     gather_block,
     newton_step,
     start_trial,
+    steps_on_rails,
     store_better,
 )
 from qsmooth.kernels.newton_sweep import N_SEEN, SEEN, Wall, gather_held
+from qsmooth.kernels.rails import Rails
 from qsmooth.kernels.star_energy import (
     RowArrays,
     Terms,
@@ -264,18 +267,21 @@ def _move_block(
     mapped: FloatArray,
     s: FloatArray,
     own: FloatArray,
+    rails: Rails,
     lengths: FloatArray,
 ) -> None:
     gather_block(xy, vertices, stars, block, star_xy, s, lengths)
     gather_held(vertices, block.first, block.size, held, s)
     add_stars(star_xy, s, block, what, terms, mapped, own)
     left = newton_step(s, block.size)
+    if confined(rails):
+        left = steps_on_rails(s, vertices, block.first, block.size, rails)
     everyone = (block.size - block.size, block.size)  # of one type
     fraction = relaxation
     for attempt in range(len(FRACTIONS) + 1):
         if left == 0.0:
             break
-        start_trial(s, everyone, fraction)
+        start_trial(s, everyone, fraction, vertices, block.first, rails)
         try_stars(star_xy, s, block, what, terms, held.shape[1] > 3, mapped, own)
         left = store_better(xy, vertices, block, everyone, s, lengths)
         fraction = FRACTIONS[min(attempt, len(FRACTIONS) - 1)]
@@ -303,7 +309,8 @@ def mapped_sweep(
         As in `newton_sweep.newton_sweep`.
     """
     terms = Terms(wall.mean_weight, 1.0 / wall.threshold, wall.squarings, 2.0**wall.squarings)
-    colour_blocks, table, vertices, stars, _, largest = blocks
+    colour_blocks, table, vertices, stars, _, largest, own = blocks
+    rails = Rails(*own)
     what = asked(rows, maps)
     for colour in range(colours[0], colours[1]):
         for b in prange(colour_blocks[colour], colour_blocks[colour + 1]):
@@ -321,5 +328,6 @@ def mapped_sweep(
                 mapped,
                 np.empty(N_ROWS * LANES),
                 np.zeros(N_ROWS * LANES),
+                rails,
                 lengths,
             )

@@ -16,6 +16,7 @@ from numba import prange
 from qsmooth._types import BoolArray, FloatArray, IndexArray, TableArray
 from qsmooth.kernels._jit import helper, kernel, lane_helper, parallel_kernel
 from qsmooth.kernels.blocks import LANES, Block, Blocks, block_at
+from qsmooth.kernels.confining import confined
 from qsmooth.kernels.corner_energy import (
     Linear,
     determinant,
@@ -45,8 +46,10 @@ from qsmooth.kernels.lanes import (
     gather_block,
     newton_step,
     start_trial,
+    steps_on_rails,
     store_better,
 )  # fmt: skip
+from qsmooth.kernels.rails import Rails
 
 # Row of scratch: the vertex's ε r.
 SOFT = OWN
@@ -138,6 +141,7 @@ def _move_block(
     epsilon: float,
     star_xy: FloatArray,
     s: FloatArray,
+    rails: Rails,
     lengths: FloatArray,
 ) -> None:
     gather_block(xy, vertices, stars, block, star_xy, s, lengths)
@@ -150,12 +154,14 @@ def _move_block(
     for k in range(triangles):
         add_triangle(star_xy, s, triangle_rows + k * ROW4, n)
     left = newton_step(s, n)
+    if confined(rails):
+        left = steps_on_rails(s, vertices, block.first, n, rails)
     everyone = (n - n, n)  # of one type
     fraction = relaxation
     for attempt in range(len(FRACTIONS) + 1):
         if left == 0.0:
             break
-        start_trial(s, everyone, fraction)
+        start_trial(s, everyone, fraction, vertices, block.first, rails)
         for k in range(quads):
             try_quad(star_xy, s, k * ROW6, n)
         for k in range(triangles):
@@ -186,7 +192,8 @@ def untangle_sweep(
     xy, blocks, colours, relaxation, lengths
         As in `newton_sweep.newton_sweep`; the mesh need not be valid.
     """
-    colour_blocks, table, vertices, stars, _, largest = blocks
+    colour_blocks, table, vertices, stars, _, largest, own = blocks
+    rails = Rails(*own)
     for colour in range(colours[0], colours[1]):
         for b in prange(colour_blocks[colour], colour_blocks[colour + 1]):
             scratch, star_xy = np.empty(N_ROWS * LANES), np.empty(6 * largest * LANES)
@@ -200,6 +207,7 @@ def untangle_sweep(
                 epsilon,
                 star_xy,
                 scratch,
+                rails,
                 lengths,
             )
 

@@ -6,12 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar, TypeAlias
 
-from qsmooth._types import BoolArray
 from qsmooth.constraints import Constraints
 from qsmooth.mesh import Mesh
 from qsmooth.options import OptionError, opaque, option
 from qsmooth.result import SmoothResult, SweepRecord
-from qsmooth.selection import parse_selection, select_cells, vertices_of
 
 Callback: TypeAlias = Callable[[SweepRecord], None]
 
@@ -70,8 +68,6 @@ class Method(Constraints):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if isinstance(self.selection, str):
-            parse_selection(self.selection)
         if self.callback is not None and not callable(self.callback):
             raise OptionError(f"`callback` must be callable, got {self.callback!r}")
 
@@ -95,10 +91,3 @@ class Method(Constraints):
     def run(self, mesh: Mesh, chosen: str = "") -> SmoothResult:
         """Smooth a mesh; `chosen` says why this method was taken, for the outcome."""
         raise NotImplementedError
-
-    def selected(self, mesh: Mesh) -> tuple[BoolArray | None, BoolArray | None]:
-        """Vertices that may move by the selection, and the selected cells; None where all are."""
-        if self.selection is None:
-            return None, None
-        cells = select_cells(mesh, self.selection, self.selection_rings)
-        return vertices_of(mesh, cells), cells

@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 import numpy as np
 
 from qsmooth._types import BoolArray, FloatArray
+from qsmooth.constraints import Freedom
 from qsmooth.engine import Colours, Engine, threads_for
 from qsmooth.kernels.compiling import clock
+from qsmooth.kernels.rails import FREE, Rails
 from qsmooth.kernels.stars import Moves, Stars
 from qsmooth.mesh import Mesh
 from qsmooth.methods.base import Method
@@ -74,6 +76,8 @@ class Setting:
         Cells that take part; None for all.
     aim
         Which group of cells proposes moves.
+    rails
+        Where the vertices may be.
     """
 
     topology: Topology
@@ -81,11 +85,12 @@ class Setting:
     good: float
     selected: BoolArray | None
     aim: Aim = Aim.ALL_CELLS
+    rails: Rails = FREE
 
     @cached_property
     def blocks(self) -> Blocks:
         """The movable vertices in blocks of lanes."""
-        return self.topology.blocks(self.stars)
+        return self.topology.blocks(self.stars)._replace(rails=self.rails)
 
     @property
     def n_colours(self) -> int:
@@ -133,18 +138,19 @@ class SweepingMethod(Method):
         before = inside.quality(mesh)
         cut = self._cut(mesh)
         swept = inside if cut is mesh else Inside(cut, inside, kept=not self.max_sweeps)
-        only, selected = self.selected(mesh)
+        freedom = self.freedom(mesh)
+        selected = freedom.cells
         if selected is not None and cut is not mesh:
             selected = np.repeat(selected, mesh.topology.cell_sizes - 2)
-        topology, only = swept.topology, inside.chosen_vertices(only)
+        topology = swept.topology
         run = _Run(self, inside.topology, inside.at_vertices(mesh.xy), before)
-        movable = topology.movable(self.keep_interfaces)
-        n_movable = int((movable if only is None else movable & only).sum())
-        engine = threads_for(self.threads, n_movable) if n_movable else None
+        engine = threads_for(self.threads, freedom.n_movable) if freedom.n_movable else None
         if engine is not None and self.max_sweeps:
-            stars = topology.schedule(self.keep_interfaces, only)
+            free = freedom.inside(inside)
+            stars = topology.schedule_of(free.movable)
             good = self._good(swept.quality(cut) if cut is not mesh else before)
-            setting = Setting(topology, stars, good, swept.chosen_cells(selected))
+            cells = swept.chosen_cells(selected)
+            setting = Setting(topology, stars, good, cells, rails=free.rails())
             with engine.running():
                 for aim, n_sweeps in self.stages():
                     run.stage(replace(setting, aim=aim), engine, n_sweeps)
@@ -154,9 +160,9 @@ class SweepingMethod(Method):
         if not self.guards:
             result = mesh.with_xy(xy, moved(mesh, xy))
         elif cut is mesh:
-            result = stored(mesh, xy)
+            result = stored(mesh, xy, freedom)
         else:
-            points = stored(cut, xy).points
+            points = stored(cut, xy, freedom).points
             result = mesh if points is mesh.points else mesh.with_points(points)
         after = before if result is mesh else inside.quality(result)
         return SmoothResult(
@@ -330,11 +336,12 @@ def moved(mesh: Mesh, xy: FloatArray) -> BoolArray:
     return marked
 
 
-def stored(mesh: Mesh, xy: FloatArray) -> Mesh:
+def stored(mesh: Mesh, xy: FloatArray, freedom: Freedom) -> Mesh:
     """Give the mesh its new coordinates, certified as they are stored.
 
     In x and y what was certified is what is stored. Points of a tilted plane are rounded once
-    more: where that costs a corner, by a hair, the cell's vertices go back to where they were.
+    more: where that costs a corner, by a hair, the cell's vertices go back to where they were, and
+    so do those that it takes beyond their reach.
     """
     marked = moved(mesh, xy)
     result = mesh.with_xy(xy, marked)
@@ -343,9 +350,11 @@ def stored(mesh: Mesh, xy: FloatArray) -> Mesh:
     was_valid = quality(mesh).validity == Validity.VALID
     while True:
         lost = was_valid & (quality(result).validity != Validity.VALID)
-        if not lost.any():
+        beyond = marked & freedom.beyond(result.points - mesh.points)
+        if not (lost.any() or beyond.any()):
             return result
         marked[mesh.cell_vertices[np.repeat(lost, mesh.topology.cell_sizes)]] = False
+        marked &= ~beyond
         result = mesh.with_xy(xy, marked)
 
 

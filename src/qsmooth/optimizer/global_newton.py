@@ -8,6 +8,7 @@ import numpy as np
 
 from qsmooth._types import FloatArray
 from qsmooth.kernels.graphs import Graph
+from qsmooth.kernels.rails import FREE, Rails
 from qsmooth.kernels.stars import Stars
 from qsmooth.optimizer.caps import Caps
 from qsmooth.optimizer.multigrid import Multigrid
@@ -40,6 +41,8 @@ class GlobalNewton:
         Targets, as in `cell_energy.cell_energy`.
     caps
         What is held. Vertices of cells that it calls lost stay where they are.
+    rails
+        Where the vertices may be.
     """
 
     def __init__(
@@ -50,12 +53,13 @@ class GlobalNewton:
         sizes: FloatArray,
         maps: FloatArray,
         caps: Caps,
+        rails: Rails = FREE,
     ) -> None:
         from qsmooth.kernels.aggregation import UNNUMBERED, breadth_first
         from qsmooth.kernels.shape_hessian import block_pattern
 
         self.topology, self._targets = topology, (corners, sizes, maps)
-        self._forbidden = caps.forbidden
+        self._forbidden, self._rails = caps.forbidden, rails
         moving = stars.vertices.astype(np.int64)
         if caps.lost.any():
             lost = topology.cell_vertices[np.repeat(caps.lost, topology.cell_sizes)]
@@ -122,12 +126,15 @@ class GlobalNewton:
 
     def _allowed(self, xy: FloatArray, direction: FloatArray, trial: FloatArray) -> bool:
         """Fill in the step, with vertices of forbidden cells put back; whether that was enough."""
+        from qsmooth.kernels.confining import confine_places
         from qsmooth.kernels.taper import taper
 
         topology, at = self.topology, self.vertices
         share, most = np.ones(topology.n_vertices), math.inf
         for _ in range(PUT_BACK):
             trial[at] = xy[at] + share[at, None] * direction
+            if self._rails.origin.size:
+                confine_places(trial, at.astype(np.uint32), self._rails)
             cells = self._forbidden(trial)
             count = int(cells.sum())
             if count == 0:

@@ -8,7 +8,9 @@ from functools import cached_property
 import numpy as np
 
 from qsmooth._types import BoolArray
+from qsmooth.constraints import Freedom
 from qsmooth.engine import Engine
+from qsmooth.kernels.rails import Rails
 from qsmooth.numbering import Inside
 from qsmooth.optimizer.lanes import Lanes
 from qsmooth.targets import Targets
@@ -23,15 +25,14 @@ class Ground:
     ----------
     inside
         The mesh as it lies in memory.
-    keep_interfaces, only
-        Whether interfaces stay, and which vertices are selected, None for all, (n_vertices,).
+    freedom
+        What may move, in the order inside.
     engine
         Who runs the sweeps.
     """
 
     inside: Inside
-    keep_interfaces: bool
-    only: BoolArray | None
+    freedom: Freedom
     engine: Engine
 
     @property
@@ -39,23 +40,25 @@ class Ground:
         """Cells, in the order inside."""
         return self.inside.topology
 
-    @cached_property
+    @property
     def movable(self) -> BoolArray:
         """Mark the vertices that may move, (n_vertices,)."""
-        movable = self.topology.movable(self.keep_interfaces)
-        return movable if self.only is None else movable & self.only
+        return self.freedom.movable
+
+    @cached_property
+    def rails(self) -> Rails:
+        """Where they may be."""
+        return self.freedom.rails()
 
     @cached_property
     def lanes(self) -> Lanes:
         """All of them in lanes; made when they are first wanted."""
-        stars = self.topology.schedule(self.keep_interfaces, self.only)
-        return Lanes(self.topology, stars, self.engine)
+        return self.lanes_of(self.movable)
 
     def lanes_of(self, vertices: BoolArray) -> Lanes:
         """Put only these in lanes, (n_vertices,)."""
-        return Lanes(
-            self.topology, self.topology.schedule(self.keep_interfaces, vertices), self.engine
-        )
+        stars = self.topology.schedule_of(vertices)
+        return Lanes(self.topology, stars, self.engine, self.rails)
 
 
 def targets_inside(targets: Targets, inside: Inside) -> Targets:

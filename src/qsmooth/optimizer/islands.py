@@ -100,7 +100,8 @@ class Islands:
         last = np.inf if most_sweeps is None else progress.sweeps + most_sweeps
         active = self._best > 0
         before = progress.sweeps
-        ahead = Extrapolation(self._lanes.stars.vertices, ROUND, self._task.ground.engine)
+        ground = self._task.ground
+        ahead = Extrapolation(self._lanes.stars.vertices, ROUND, ground.engine, ground.rails)
         size = np.sqrt(self._task.sizes[self._vertices])
         ahead.start(xy, size)
         while active.any() and progress.sweeps < last and not progress.spent():

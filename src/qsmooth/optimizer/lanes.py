@@ -11,6 +11,8 @@ import numpy as np
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray
 from qsmooth.engine import Engine
+from qsmooth.kernels.rails import FREE as ANYWHERE
+from qsmooth.kernels.rails import Rails
 from qsmooth.kernels.stars import Moves, Rings, Stars
 from qsmooth.metrics import Quality
 from qsmooth.optimizer.caps import ALWAYS, FREE, Caps
@@ -54,10 +56,14 @@ class Lanes:
         Of the mesh, and of the vertices that may move.
     engine
         Who runs the sweeps.
+    rails
+        Where the vertices may be.
     """
 
-    def __init__(self, topology: Topology, stars: Stars, engine: Engine) -> None:
-        self.topology, self.stars, self._engine = topology, stars, engine
+    def __init__(
+        self, topology: Topology, stars: Stars, engine: Engine, rails: Rails = ANYWHERE
+    ) -> None:
+        self.topology, self.stars, self._engine, self.rails = topology, stars, engine, rails
         self.movable = np.zeros(topology.n_vertices, np.bool_)
         self.movable[stars.vertices] = True
         self.n_colours = stars.colour_offsets.size - 1
@@ -69,7 +75,7 @@ class Lanes:
     @cached_property
     def _blocks(self) -> Blocks:
         """The vertices in blocks of lanes."""
-        return self.topology.blocks(self.stars)
+        return self.topology.blocks(self.stars)._replace(rails=self.rails)
 
     @cached_property
     def _rings(self) -> Rings:
@@ -79,7 +85,7 @@ class Lanes:
     @cached_property
     def _ahead(self) -> Extrapolation:
         """What sweeps towards the present targets lead to."""
-        return Extrapolation(self._blocks.vertices, ROUND, self._engine)
+        return Extrapolation(self._blocks.vertices, ROUND, self._engine, self.rails)
 
     @cached_property
     def _rows(self) -> Rows:
@@ -331,10 +337,8 @@ class Lanes:
 
         topology, lengths = self.topology, self._moves.lengths
         stars = topology.star_offsets, topology.star_cells, topology.star_corners
-        listed = self._blocks.vertices.astype(np.int64)
-        self._engine.run(
-            lambda _: mend_more(xy, (*stars, *topology.cells), closed, listed, lengths), 1
-        )
+        tables, listed = (*stars, *topology.cells), self._blocks.vertices.astype(np.int64)
+        self._engine.run(lambda _: mend_more(xy, tables, closed, listed, self.rails, lengths), 1)
         progress.sweeps += 1
 
     def place_doublets(self, xy: FloatArray, progress: Progress) -> None:
@@ -343,8 +347,10 @@ class Lanes:
 
         topology, lengths = self.topology, self._moves.lengths
         stars = topology.star_offsets, topology.star_cells, topology.star_corners
-        listed = self._blocks.vertices.astype(np.int64)
-        self._engine.run(lambda _: place_doublets(xy, listed, *stars, *topology.cells, lengths), 1)
+        listed, rails = self._blocks.vertices.astype(np.int64), self.rails
+        self._engine.run(
+            lambda _: place_doublets(xy, listed, *stars, *topology.cells, rails, lengths), 1
+        )
         progress.sweeps += 1
 
     def report(self, xy: FloatArray, now: Quality, progress: Progress) -> None:

@@ -85,23 +85,19 @@ class _Staged(Method):
         """Go through the stages, and sum up."""
         inside = Inside(mesh, kept=not self.max_sweeps)
         before = inside.quality(mesh)
-        only, _ = self.selected(mesh)
-        movable = mesh.topology.movable(self.keep_interfaces)
-        if only is not None:
-            movable &= only
-        n_movable = int(movable.sum())
+        freedom = self.freedom(mesh)
+        movable, n_movable = freedom.movable, freedom.n_movable
         progress = Progress(self, before)
         result, found, after = mesh, _Found(inside.at_vertices(mesh.xy)), before
         bounds = None
         if n_movable:
             engine = threads_for(self.threads, n_movable)
-            only = inside.chosen_vertices(only)
-            ground = Ground(inside, self.keep_interfaces, only, engine)
+            ground = Ground(inside, freedom.inside(inside), engine)
             with engine.running():
                 found = self.stages(ground, before, progress)
-                result = stored(mesh, inside.back(found.xy))
+                result = stored(mesh, inside.back(found.xy), freedom)
                 after = before if result is mesh else inside.quality(result)
-            bounds = self.bounds(inside, result, after)
+            bounds = self.bounds(ground, result, after)
         invalid = with_proof(invalid_cells(before, after), mesh.topology, result.xy, movable)
         seconds = progress.seconds
         stop = progress.stop or self.finished(found, invalid)
@@ -150,7 +146,7 @@ class _Staged(Method):
         """Why it stopped where what the caller allows was not used up."""
         raise NotImplementedError
 
-    def bounds(self, inside: Inside, result: Mesh, after: Quality) -> object:
+    def bounds(self, ground: Ground, result: Mesh, after: Quality) -> object:
         """Limits of the result's angles, where they belong to the outcome."""
         return None
 
@@ -414,11 +410,10 @@ class Optimize(_Staged):
         """Why it stopped where no limit of the caller was reached."""
         return Stop.STOP_QUALITY if found.good_enough else Stop.SETTLED
 
-    def bounds(self, inside: Inside, result: Mesh, after: Quality) -> object:
+    def bounds(self, ground: Ground, result: Mesh, after: Quality) -> object:
         """Limits of the result's angles."""
-        topology = inside.topology
-        movable = topology.movable(self.keep_interfaces)
-        return angle_limits(topology, inside.at_vertices(result.xy), movable, after)
+        xy = ground.inside.at_vertices(result.xy)
+        return angle_limits(ground.topology, xy, ground.movable, after)
 
 
 @dataclass(frozen=True, kw_only=True)

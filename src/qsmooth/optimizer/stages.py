@@ -125,9 +125,8 @@ class _WholeMesh:
     @cached_property
     def _newton(self) -> GlobalNewton:
         lanes = self._lanes
-        return GlobalNewton(
-            lanes.topology, lanes.stars, lanes.targets.corners, lanes.sizes, lanes.maps, lanes.caps
-        )
+        targets = lanes.targets.corners, lanes.sizes, lanes.maps
+        return GlobalNewton(lanes.topology, lanes.stars, *targets, lanes.caps, lanes.rails)
 
     def step(self, xy: FloatArray, progress: Progress) -> bool:
         """Take a step if it is time to, in place; say whether."""
