@@ -13,6 +13,7 @@ from qsmooth.kernels.rails import FREE, Rails
 from qsmooth.mesh import Mesh
 from qsmooth.numbering import Inside
 from qsmooth.options import OptionError, Options, opaque, option
+from qsmooth.outline import Chains, checked_curve, find_chains, parse_curve
 from qsmooth.selection import marked, parse_selection, select_cells, vertices_of
 
 # Of the largest coordinate of points in a tilted plane: more than their rounding.
@@ -37,6 +38,10 @@ class Freedom:
         Unit vectors along which alone they may move, NaN for any direction; None for all.
     rounding
         A length that a move may grow by when it is stored: in a tilted plane.
+    chains
+        Lines along which some of `movable` slide, of the caller's vertices; None where none does.
+    tolerance
+        How far an edge on these may be from its line, as a share of the edge.
     """
 
     movable: BoolArray
@@ -45,6 +50,8 @@ class Freedom:
     reach: FloatArray | None = None
     directions: FloatArray | None = None
     rounding: float = 0.0
+    chains: Chains | None = None
+    tolerance: float = 0.0
 
     @property
     def n_movable(self) -> int:
@@ -130,6 +137,7 @@ class Constraints(Options):
     curve: Any = opaque(
         None,
         metavar="FILE",
+        parse=parse_curve,
         help="What sliding vertices slide along instead of the mesh's own outline: a finer "
         "polyline (in Python also a function that projects places onto a curve).",
     )
@@ -151,6 +159,15 @@ class Constraints(Options):
         super().__post_init__()
         if isinstance(self.selection, str):
             parse_selection(self.selection)
+        if self.curve is not None:
+            object.__setattr__(self, "curve", checked_curve(self.curve))
+            if "slide" not in (self.boundary, self.interfaces):
+                raise OptionError("`curve` needs `boundary='slide'` or `interfaces='slide'`")
+        if self.interfaces == "slide" and not self.keep_interfaces:
+            raise OptionError(
+                "`interfaces='slide'` keeps vertices on the lines between regions, and "
+                "`keep_interfaces=False` lets them leave these: take one of the two"
+            )
         if self.directions is not None:
             object.__setattr__(self, "directions", unit_vectors(self.directions))
 
@@ -162,18 +179,23 @@ class Constraints(Options):
         OptionError
             Where a constraint does not fit the mesh.
         """
-        movable = mesh.topology.movable(self.keep_interfaces)
-        cells = None
+        may, cells = np.ones(mesh.n_vertices, np.bool_), None
         if self.selection is not None:
             cells = select_cells(mesh, self.selection, self.selection_rings)
-            movable &= vertices_of(mesh, cells)
+            may &= vertices_of(mesh, cells)
         if self.fixed is not None:
-            movable &= ~marked(np.asarray(self.fixed), mesh.n_vertices, "vertex", "fixed")
+            may &= ~marked(np.asarray(self.fixed), mesh.n_vertices, "vertex", "fixed")
         directions = self.directions
         if directions is not None and len(directions) != mesh.n_vertices:
             raise OptionError(
                 f"`directions` must have the shape ({mesh.n_vertices}, 2), got {directions.shape}"
             )
+        movable = mesh.topology.movable(self.keep_interfaces) & may
+        if directions is not None:
+            may &= np.isnan(directions[:, 0])
+        chains = self._chains(mesh, may)
+        if chains is not None:
+            movable |= chains.sliding(mesh.n_vertices)
         return Freedom(
             movable=movable,
             cells=cells,
@@ -181,7 +203,23 @@ class Constraints(Options):
             reach=self._reach(mesh),
             directions=directions,
             rounding=0.0 if mesh.plane is None else ROUNDING * float(np.abs(mesh.points).max()),
+            chains=chains,
+            tolerance=self.outline_tolerance,
         )
+
+    def _chains(self, mesh: Mesh, may: BoolArray) -> Chains | None:
+        """Find the lines along which vertices slide, of those that may move, (n_vertices,)."""
+        if "slide" not in (self.boundary, self.interfaces):
+            return None
+        chains = find_chains(
+            mesh,
+            may,
+            boundary=self.boundary == "slide",
+            interfaces=self.interfaces == "slide",
+            corner_angle=self.corner_angle,
+            curve=self.curve,
+        )
+        return chains if chains.inner.size else None
 
     def _reach(self, mesh: Mesh) -> FloatArray | None:
         """How far each vertex may come from where it is, (n_vertices,)."""

@@ -63,6 +63,12 @@ class Chains:
         marked[self.offsets[:-1]] = marked[self.offsets[1:] - 1] = False
         return np.flatnonzero(marked)
 
+    def sliding(self, n_vertices: int) -> BoolArray:
+        """Mark the vertices that slide, (n_vertices,)."""
+        marked = np.zeros(n_vertices, np.bool_)
+        marked[self.vertices[self.inner]] = True
+        return marked
+
 
 def find_chains(
     mesh: Mesh,

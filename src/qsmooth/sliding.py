@@ -9,12 +9,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray, TableArray
+from qsmooth.constraints import Freedom
+from qsmooth.kernels.rails import FREE as ANYWHERE
+from qsmooth.kernels.rails import Rails
 from qsmooth.kernels.stars import Stars
 from qsmooth.mesh import Mesh
 from qsmooth.numbering import Inside
 from qsmooth.outcome import Sliding
 from qsmooth.outline import Chains, boundary_sides
 from qsmooth.schedule import make_schedule
+from qsmooth.targets import ideal
 
 if TYPE_CHECKING:
     from qsmooth.kernels.blocks import Blocks, Rows
@@ -24,6 +28,10 @@ if TYPE_CHECKING:
 
 # Multiple of the Newton step that is tried first.
 RELAXATION = 1.7
+# More than the rounding of sines: what is held is not undercut by it.
+SLACK = 1e-14
+# Cosines and a sine that hold nothing.
+NO_COSINE, NO_SINE = 2.0, -2.0
 
 
 @dataclass(frozen=True)
@@ -56,6 +64,8 @@ class Slider:
         What slides, and along which lines; of the caller's vertices.
     tolerance
         How far an edge may be from its line, as a share of the edge.
+    rails
+        Where vertices may be besides, in the order inside.
 
     Attributes
     ----------
@@ -63,18 +73,23 @@ class Slider:
         Those that slide, in the order of the blocks.
     """
 
-    def __init__(self, mesh: Mesh, inside: Inside, chains: Chains, tolerance: float) -> None:
+    def __init__(
+        self,
+        mesh: Mesh,
+        inside: Inside,
+        chains: Chains,
+        tolerance: float,
+        rails: Rails = ANYWHERE,
+    ) -> None:
         self._mesh, self._inside, self._chains = mesh, inside, chains
         self.topology = inside.topology
-        self._tolerance = tolerance
+        self._tolerance, self._rails = tolerance, rails
         self._last: FloatArray | None = None
 
     @cached_property
     def mask(self) -> BoolArray:
         """Mark the vertices that slide, in the order inside, (n_vertices,)."""
-        marked = np.zeros(self.topology.n_vertices, np.bool_)
-        marked[self._chains.vertices[self._chains.inner]] = True
-        return marked[self.topology.vertex_ids]
+        return self._chains.sliding(self.topology.n_vertices)[self.topology.vertex_ids]
 
     @cached_property
     def blocks(self) -> Blocks:
@@ -82,13 +97,12 @@ class Slider:
         from qsmooth.kernels.blocks import build_blocks
 
         outer, inner = self._mesh.topology, self.topology
-        slides = np.zeros(outer.n_vertices, np.bool_)
-        slides[self._chains.vertices[self._chains.inner]] = True
+        slides = self._chains.sliding(outer.n_vertices)
         stars: Stars = make_schedule(
             slides, outer.vertex_ids, outer.cells, (outer.star_offsets, outer.star_cells),
             outer.star_corners,
         )  # fmt: skip
-        blocks: Blocks = build_blocks(stars)
+        blocks: Blocks = build_blocks(stars)._replace(rails=self._rails)
         if not inner.is_renumbered:
             return blocks
         at, cell_at = _places(inner.vertex_ids), _places(inner.cell_ids)
@@ -179,6 +193,12 @@ class Slider:
         own = identity if maps is None else maps[self.blocks.cells].T.copy()
         return Asked(rows, Maps(own[0], own[1], own[2]))
 
+    def ask_ideal(self) -> Asked:
+        """Ask for squares and equilateral triangles."""
+        targets, n = ideal(self.topology), self.topology.n_cells
+        none = np.zeros(n)
+        return self.ask(targets.corners, targets.area, none, none, np.ones(n))
+
     def near(self, asked: Asked, near: FloatArray) -> Asked:
         """Let the walls on badness stand elsewhere, (n_cells,)."""
         return Asked(asked.rows._replace(near=near[self.blocks.cells]), asked.maps)
@@ -207,10 +227,24 @@ class Slider:
             locate(xy, self._outline, np.stack([offsets[:-1], offsets[1:] - 1], axis=1))
         fit_boxes(xy, self._sides)
 
+    def shares(self, xy: FloatArray, lengths: FloatArray, shares: FloatArray) -> None:
+        """Take each vertex's move, (n_sliding,), as a share of its shortest edge."""
+        from qsmooth.kernels.untangle_sweep import shortest_edges
+
+        shortest = np.empty(lengths.size)
+        shortest_edges(xy, *self.topology.rings, self.blocks.vertices, shortest)
+        shares[:] = 0.0
+        np.divide(lengths, shortest, out=shares, where=lengths > 0.0)
+
+    def others(self, free: Freedom) -> BoolArray:
+        """Mark the vertices that may move and do not slide, in the order inside, (n_vertices,)."""
+        return free.movable & ~self.mask
+
     def report(self, before: FloatArray, xy: FloatArray) -> Sliding:
         """Sum up where the vertices have come to, from `before`; both in the order inside."""
         from qsmooth.kernels.outline import deviations
 
+        self._last = before[self._outline.vertices]
         self._refresh(xy)
         outline, chains = self._outline, self._chains
         far = np.empty((outline.vertices.size, 2))
@@ -228,6 +262,53 @@ class Slider:
             deviation=float(far[:, 0].max(initial=0.0)),
             deviation_share=float(far[:, 1].max(initial=0.0)),
         )
+
+
+class Slides:
+    """Sweeps over sliding vertices between those of a method that knows nothing of them.
+
+    They go downhill on the shape energy towards squares and equilateral triangles.
+
+    Parameters
+    ----------
+    slider
+        What slides.
+    worst
+        Scaled Jacobian below which no cell may come; NaN for none, but all stay valid.
+    """
+
+    def __init__(self, slider: Slider, worst: float) -> None:
+        self.slider, self._asked = slider, slider.ask_ideal()
+        sine = worst * (1.0 + SLACK) if worst > 0.0 else NO_SINE
+        self._held = np.tile([NO_COSINE, -NO_COSINE, sine], (slider.topology.n_vertices, 1))
+
+    def sweep(self, xy: FloatArray, lengths: FloatArray, shares: FloatArray) -> None:
+        """Move each vertex once, in place; its move is written to the arrays, (n_sliding,)."""
+        from qsmooth.kernels.newton_sweep import Wall
+
+        self.slider.sweep(xy, Wall(1.0, np.inf, 1), self._held, self._asked, lengths)
+        self.slider.shares(xy, lengths, shares)
+
+
+def slider_of(free: Freedom, mesh: Mesh, inside: Inside) -> Slider | None:
+    """Set up what slides; None where nothing does.
+
+    Parameters
+    ----------
+    free
+        What may move, in the order inside.
+    mesh, inside
+        What is swept, and its order in memory.
+    """
+    if free.chains is None:
+        return None
+    return Slider(mesh, inside, free.chains, free.tolerance, free.rails())
+
+
+def slid(freedom: Freedom, before: Mesh, after: Mesh) -> Sliding | None:
+    """Say what became of the vertices that could slide; None where none could."""
+    slider = slider_of(freedom, before, Inside(before, kept=True))
+    return None if slider is None else slider.report(before.xy.copy(), after.xy.copy())
 
 
 def _places(ids: IndexArray) -> TableArray:

@@ -315,6 +315,12 @@ def _meet(
 
 
 @helper()
+def _is_of(v: int, a: int, b: int) -> bool:
+    """Whether v is one of the two ends."""
+    return bool(v in (a, b))
+
+
+@helper()
 def meets_side(
     xy: FloatArray, ends: IndexArray, boxes: FloatArray, v: int, x: float, y: float, u: int
 ) -> bool:
@@ -337,7 +343,7 @@ def meets_side(
             continue
         if not apart:
             a, b = ends[k - leaves, 0], ends[k - leaves, 1]
-            own = a == u or b == u or a == v or b == v
+            own = _is_of(u, a, b) or _is_of(v, a, b)
             if not own and _meet(x, y, ux, uy, xy[a, 0], xy[a, 1], xy[b, 0], xy[b, 1]):
                 return True
         while k & 1:

@@ -17,6 +17,7 @@ import numpy as np
 from qsmooth._types import FloatArray, IndexArray
 from qsmooth.kernels._jit import helper, kernel
 from qsmooth.kernels.blocks import LANES, Blocks, Rows, block_at
+from qsmooth.kernels.confining import confined, within_reach
 from qsmooth.kernels.lanes import (
     ENERGY,
     GX,
@@ -50,6 +51,7 @@ from qsmooth.kernels.outline import (
     refit,
     tangent,
 )
+from qsmooth.kernels.rails import Rails
 from qsmooth.kernels.star_energy import Terms
 
 # Fractions of a step that are tried after the over-relaxed one. Round a bend only short ones keep
@@ -196,6 +198,15 @@ def may_slide(
 
 
 @helper()
+def _in_reach(rails: Rails, v: int, x: float, y: float) -> bool:
+    """Whether a place is within the reach of a vertex."""
+    if not confined(rails):
+        return True
+    dx, dy = x - rails.origin[v, 0], y - rails.origin[v, 1]
+    return bool(within_reach(dx, dy, rails.reach[v]))
+
+
+@helper()
 def store_slides(
     xy: FloatArray,
     first: int,
@@ -206,6 +217,7 @@ def store_slides(
     boxes: FloatArray,
     to_segment: IndexArray,
     to_fraction: FloatArray,
+    rails: Rails,
     lengths: FloatArray,
 ) -> float:
     """Store the trial places that lower the energy and may be; count the lanes that are left."""
@@ -217,6 +229,7 @@ def store_slides(
             continue
         e, x, y = entries[first + i], s[PX + i], s[PY + i]
         good = (s[TRIAL + i] < s[ENERGY + i]) & (s[MARGIN + i] > 0.0) & (s[HELD + i] > 0.0)
+        good &= _in_reach(rails, vertices[e], x, y)
         if good and may_slide(xy, outline, ends, boxes, e, to_segment[i], to_fraction[i], x, y):
             v = vertices[e]
             xy[v, 0], xy[v, 1] = x, y
@@ -261,7 +274,7 @@ def slide_sweep(
     """
     terms = Terms(wall.mean_weight, 1.0 / wall.threshold, wall.squarings, 2.0**wall.squarings)
     table, vertices, stars, largest = blocks.table, blocks.vertices, blocks.stars, blocks.largest
-    ends, boxes = sides.ends, sides.boxes
+    ends, boxes, rails = sides.ends, sides.boxes, Rails(*blocks.rails)
     what = asked(rows, maps)
     star_xy, mapped = np.empty(6 * largest * LANES), np.empty(6 * largest * LANES)
     s, own = np.empty(N_ROWS * LANES), np.zeros(N_ROWS * LANES)
@@ -280,6 +293,6 @@ def slide_sweep(
             place_trials(s, first, n, share, outline, to_segment, to_fraction)
             try_stars(star_xy, s, block, what, terms, held.shape[1] > 3, mapped, own)
             left = store_slides(
-                xy, first, n, s, outline, ends, boxes, to_segment, to_fraction, lengths
+                xy, first, n, s, outline, ends, boxes, to_segment, to_fraction, rails, lengths
             )
             share = FRACTIONS[min(attempt, len(FRACTIONS) - 1)]

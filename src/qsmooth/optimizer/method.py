@@ -28,6 +28,7 @@ from qsmooth.optimizer.untangling import untangle, with_proof
 from qsmooth.options import opaque, option
 from qsmooth.outcome import Aim, Forbidden, Held, Invalid, Outcome, Stop, Target
 from qsmooth.result import History, SmoothResult
+from qsmooth.sliding import slid
 from qsmooth.sums import exact_mean
 from qsmooth.targets import (
     Targets,
@@ -124,6 +125,7 @@ class _Staged(Method):
                 held=found.held,
                 invalid=invalid,
                 target=found.target,
+                sliding=slid(freedom, mesh, result),
                 sizes=sizes,
                 limits=bounds,
             ),
