@@ -9,11 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from qsmooth._types import BoolArray, FloatArray
+from qsmooth.curves import checked_curve, parse_curve
 from qsmooth.kernels.rails import FREE, Rails
 from qsmooth.mesh import Mesh
 from qsmooth.numbering import Inside
 from qsmooth.options import OptionError, Options, opaque, option
-from qsmooth.outline import Chains, checked_curve, find_chains, parse_curve
+from qsmooth.outline import Chains, find_chains
 from qsmooth.selection import marked, parse_selection, select_cells, vertices_of
 
 # Of the largest coordinate of points in a tilted plane: more than their rounding.

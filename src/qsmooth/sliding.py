@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -84,7 +85,8 @@ class Slider:
         self._mesh, self._inside, self._chains = mesh, inside, chains
         self.topology = inside.topology
         self._tolerance, self._rails = tolerance, rails
-        self._last: FloatArray | None = None
+        # Coordinates for which it is known where the vertices are; shared by all of `only`.
+        self._known: list[FloatArray] = []
 
     @cached_property
     def mask(self) -> BoolArray:
@@ -109,6 +111,14 @@ class Slider:
         return blocks._replace(
             vertices=at[blocks.vertices], stars=at[blocks.stars], cells=cell_at[blocks.cells]
         )
+
+    def only(self, chosen: BoolArray) -> Slider:
+        """Give the same with only these, (n_vertices,) in the order inside, free to slide."""
+        other = copy.copy(self)
+        other.__dict__["mask"] = self.mask & chosen
+        other.__dict__["_outline"] = self._outline._replace(free=chosen[self.vertices])
+        other.__dict__["_sides"] = self._sides
+        return other
 
     @property
     def vertices(self) -> IndexArray:
@@ -214,18 +224,39 @@ class Slider:
             xy, self.blocks, self._outline, self._sides, RELAXATION, wall, held, asked.rows,
             asked.maps, lengths,
         )  # fmt: skip
-        self._last = xy[self._outline.vertices]
+        self._known[:] = [xy[self._outline.vertices]]
+
+    def untangle(
+        self, xy: FloatArray, sizes: FloatArray, epsilon: float, lengths: FloatArray
+    ) -> None:
+        """Move each vertex once downhill on the regularised energy, as `Lanes.untangle`."""
+        from qsmooth.kernels.slide_sweep import slide_untangling
+
+        self._refresh(xy)
+        slide_untangling(
+            xy, self.blocks, self._outline, self._sides, RELAXATION, sizes, epsilon, lengths
+        )
+        self._known[:] = [xy[self._outline.vertices]]
+
+    def meets(self, xy: FloatArray) -> bool:
+        """Whether two sides of the boundary meet that do not share a vertex."""
+        from qsmooth.kernels.outline import any_meet
+
+        self._refresh(xy)
+        return bool(any_meet(xy, self._sides))
 
     def _refresh(self, xy: FloatArray) -> None:
         """Find out where the vertices are, if others have moved them."""
         from qsmooth.kernels.outline import fit_boxes, locate
 
-        if self._last is not None and np.array_equal(self._last, xy[self._outline.vertices]):
+        now = xy[self._outline.vertices]
+        if self._known and np.array_equal(self._known[0], now):
             return
-        if self._last is not None:
+        if self._known or not np.array_equal(self._inside.at_vertices(self._mesh.xy), xy):
             offsets = self._chains.offsets
             locate(xy, self._outline, np.stack([offsets[:-1], offsets[1:] - 1], axis=1))
         fit_boxes(xy, self._sides)
+        self._known[:] = [now]
 
     def shares(self, xy: FloatArray, lengths: FloatArray, shares: FloatArray) -> None:
         """Take each vertex's move, (n_sliding,), as a share of its shortest edge."""
@@ -244,7 +275,6 @@ class Slider:
         """Sum up where the vertices have come to, from `before`; both in the order inside."""
         from qsmooth.kernels.outline import deviations
 
-        self._last = before[self._outline.vertices]
         self._refresh(xy)
         outline, chains = self._outline, self._chains
         far = np.empty((outline.vertices.size, 2))

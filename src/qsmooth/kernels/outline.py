@@ -351,3 +351,14 @@ def meets_side(
         if k == 0:
             return False
         k += 1
+
+
+@kernel()
+def any_meet(xy: FloatArray, sides: Sides) -> bool:
+    """Whether two sides meet that do not share a vertex; the boxes fit the sides."""
+    ends, boxes = sides.ends, sides.boxes
+    for i in range(ends.shape[0]):
+        a, b = ends[i, 0], ends[i, 1]
+        if meets_side(xy, ends, boxes, b, xy[b, 0], xy[b, 1], a):
+            return True
+    return False

@@ -6,8 +6,11 @@ these as they are stored. A trial is also refused where the vertex would pass it
 outline, where an edge would be farther from the outline than is allowed, and where an edge would
 meet another side of the boundary.
 
-The last depends on all sides as they are: these sweeps run on one thread. There are few vertices to
-an outline.
+While a mesh is untangled the energy is the regularised one of `untangle_sweep`, and no margin is
+asked for.
+
+The last test depends on all sides as they are: these sweeps run on one thread. There are few
+vertices to an outline.
 """
 
 import math
@@ -53,6 +56,7 @@ from qsmooth.kernels.outline import (
 )
 from qsmooth.kernels.rails import Rails
 from qsmooth.kernels.star_energy import Terms
+from qsmooth.kernels.untangle_sweep import add_regularised, try_regularised
 
 # Fractions of a step that are tried after the over-relaxed one. Round a bend only short ones keep
 # the edge near the outline.
@@ -292,6 +296,48 @@ def slide_sweep(
                 break
             place_trials(s, first, n, share, outline, to_segment, to_fraction)
             try_stars(star_xy, s, block, what, terms, held.shape[1] > 3, mapped, own)
+            left = store_slides(
+                xy, first, n, s, outline, ends, boxes, to_segment, to_fraction, rails, lengths
+            )
+            share = FRACTIONS[min(attempt, len(FRACTIONS) - 1)]
+
+
+@kernel()
+def slide_untangling(
+    xy: FloatArray,
+    blocks: Blocks,
+    outline: Outline,
+    sides: Sides,
+    relaxation: float,
+    sizes: FloatArray,
+    epsilon: float,
+    lengths: FloatArray,
+) -> None:
+    """Move each sliding vertex once, downhill on its star's regularised energy, in place.
+
+    Parameters
+    ----------
+    sizes, epsilon
+        As in `untangle_sweep.untangle_sweep`.
+    xy, blocks, outline, sides, relaxation, lengths
+        As in `slide_sweep`; the mesh need not be valid.
+    """
+    table, vertices, stars, largest = blocks.table, blocks.vertices, blocks.stars, blocks.largest
+    ends, boxes, rails = sides.ends, sides.boxes, Rails(*blocks.rails)
+    star_xy, s = np.empty(6 * largest * LANES), np.empty(N_ROWS * LANES)
+    to_segment, to_fraction = np.empty(LANES, np.int64), np.empty(LANES)
+    for b in range(table.shape[0]):
+        block = block_at(table, b)
+        first, n = block.first, block.size
+        gather_block(xy, vertices, stars, block, star_xy, s, lengths)
+        add_regularised(star_xy, s, vertices, block, sizes, epsilon)
+        left = start_sliding(s, first, n, outline)
+        share = relaxation
+        for attempt in range(len(FRACTIONS) + 1):
+            if left == 0.0:
+                break
+            place_trials(s, first, n, share, outline, to_segment, to_fraction)
+            try_regularised(star_xy, s, block)
             left = store_slides(
                 xy, first, n, s, outline, ends, boxes, to_segment, to_fraction, rails, lengths
             )

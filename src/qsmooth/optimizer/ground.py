@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -57,13 +57,21 @@ class Ground:
         return slider_of(self.freedom, self.inside.mesh, self.inside)
 
     @cached_property
+    def still(self) -> Ground:
+        """The same with no vertex that slides."""
+        if self.slider is None:
+            return self
+        freedom = replace(self.freedom, movable=self.slider.others(self.freedom), chains=None)
+        return Ground(self.inside, freedom, self.engine)
+
+    @cached_property
     def lanes(self) -> Lanes:
         """All of them in lanes; made when they are first wanted."""
         return self.lanes_of(self.movable)
 
     def lanes_of(self, vertices: BoolArray) -> Lanes:
         """Put only these in lanes, (n_vertices,)."""
-        slider = self.slider
+        slider = None if self.slider is None else self.slider.only(vertices)
         if slider is not None:
             vertices = vertices & ~slider.mask
         stars = self.topology.schedule_of(vertices)

@@ -87,6 +87,14 @@ class Lanes:
         self._shortest = np.empty(n_free)
         self._look: Look | None = None
 
+    @property
+    def vertices(self) -> IndexArray:
+        """Those that may move; those that slide come last, (n_movable,)."""
+        listed = self.stars.vertices.astype(np.int64)
+        if self._slider is None:
+            return listed
+        return np.concatenate([listed, np.flatnonzero(self._slider.mask)])
+
     @cached_property
     def _blocks(self) -> Blocks:
         """The vertices in blocks of lanes."""
@@ -362,6 +370,8 @@ class Lanes:
             ),
             self.n_colours,
         )
+        if self._slider is not None:
+            self._slider.untangle(xy, sizes, epsilon, self._slides.lengths)
 
     def mend_more(self, xy: FloatArray, closed: BoolArray, progress: Progress) -> None:
         """Move each vertex to where more of its cells are good; closed corners don't count."""
