@@ -109,7 +109,7 @@ def _sampled(places: FloatArray, project: Projection) -> Line:
     return _with_end(nodes, at, (nodes[at] != places).any(axis=1))
 
 
-def _on_curve(places: FloatArray, curve: FloatArray) -> Line | None:
+def _on_curve(places: FloatArray, curve: FloatArray, turned: bool = False) -> Line | None:
     """Find the stretch of a polyline that a chain follows; None if it does not follow it."""
     at, distance = _nearest(places, curve)
     edges = np.sqrt((np.diff(places, axis=0) ** 2).sum(axis=1))
@@ -120,8 +120,8 @@ def _on_curve(places: FloatArray, curve: FloatArray) -> Line | None:
     steps = np.diff(at)
     if closed:
         steps = (steps + 0.5 * n) % n - 0.5 * n
-    if steps.sum() < 0.0:
-        return _on_curve(places, curve[::-1].copy())
+    if steps.sum() < 0.0 and not turned:
+        return _on_curve(places, curve[::-1].copy(), turned=True)
     if (steps <= 0.0).any() or steps.sum() > n:
         return None
     way = at[0] + np.r_[0.0, np.cumsum(steps)]  # in segments of the curve, on and on round a loop

@@ -14,6 +14,11 @@ from qsmooth.io.file_content import FileContent
 from qsmooth.mesh import Mesh
 from qsmooth.topology import Topology
 
+# Degrees: more than the rounding of angles; and a line that turns less is as good as straight.
+ANGLE_ROUNDING, NEARLY_STRAIGHT = 1e-9, 1e-6
+# Of a line of more nodes it is not worked out how far its ends can turn.
+MOST_NODES = 4000
+
 
 @dataclass(frozen=True)
 class Chains:
@@ -258,3 +263,69 @@ def _turns(xy: FloatArray, a: IndexArray, v: IndexArray, b: IndexArray) -> Float
     u, w = xy[v] - xy[a], xy[b] - xy[v]
     cross = u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0]
     return np.asarray(np.abs(np.degrees(np.arctan2(cross, (u * w).sum(axis=1)))))
+
+
+# ------------------------------------------------------------------------------- how edges turn
+
+
+def spread(nodes: FloatArray) -> float:
+    """Angle between the directions of a line's segments that differ most, degrees.
+
+    Edges between places on the line lie between these directions, if it is less than 180°.
+    """
+    steps = np.diff(nodes, axis=0)
+    steps = steps[(steps != 0.0).any(axis=1)]
+    u, w = steps[:-1], steps[1:]
+    cross, dot = u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0], (u * w).sum(axis=1)
+    ways = np.degrees(np.r_[0.0, np.cumsum(np.arctan2(cross, dot))])
+    return float(np.ptp(ways)) + ANGLE_ROUNDING
+
+
+def swing(nodes: FloatArray, now: FloatArray, tolerance: float) -> float:
+    """By how much the edge from the start of a line to a place on it can turn, degrees.
+
+    Nodes that it leaves out are no farther from it than `tolerance` says, so that it can't point
+    far beside any of them.
+
+    Parameters
+    ----------
+    nodes : (m, 2)
+        Of the line.
+    now : (2,)
+        Where the end of the edge is.
+    tolerance
+        As a share of the edge.
+
+    Returns
+    -------
+    float
+        -1 where nothing is known.
+    """
+    whole = spread(nodes)
+    if whole < NEARLY_STRAIGHT:
+        return whole
+    away = nodes[1:] - nodes[0]
+    far = np.hypot(away[:, 0], away[:, 1])
+    if len(nodes) > MOST_NODES or (far[:-1] == 0.0).any():
+        return -1.0
+    way = np.arctan2(away[:, 1], away[:, 0])
+    turned = _wrapped(way - way[0])
+    low = high = 0.0
+    for k in range(1, len(far)):
+        share = tolerance * max(far[k - 1], far[k]) / far[:k]
+        if share[0] >= 1.0:
+            return -1.0
+        # A node as near as that to the start bounds nothing.
+        half = np.where(share < 1.0, np.arcsin(np.minimum(share, 1.0)), np.inf)
+        least, most = (turned[:k] - half).max(), (turned[:k] + half).min()
+        if far[k] > 0.0:
+            to = turned[k - 1] + _wrapped(turned[k] - turned[k - 1])
+            least, most = max(least, min(turned[k - 1], to)), min(most, max(turned[k - 1], to))
+        if least <= most:
+            low, high = min(low, least), max(high, most)
+    at = float(_wrapped(np.arctan2(*(now - nodes[0])[::-1]) - way[0]))
+    return float(np.degrees(max(abs(low - at), abs(high - at)))) + ANGLE_ROUNDING
+
+
+def _wrapped(angle: Any) -> Any:
+    return (angle + np.pi) % (2.0 * np.pi) - np.pi

@@ -17,11 +17,12 @@ from qsmooth.kernels.stars import Stars
 from qsmooth.mesh import Mesh
 from qsmooth.numbering import Inside
 from qsmooth.outcome import Sliding
-from qsmooth.outline import Chains, boundary_sides
+from qsmooth.outline import Chains, boundary_sides, spread, swing
 from qsmooth.schedule import make_schedule
 from qsmooth.targets import ideal
 
 if TYPE_CHECKING:
+    from qsmooth.kernels.angle_bounds import Swings
     from qsmooth.kernels.blocks import Blocks, Rows
     from qsmooth.kernels.mapped_sweep import Maps
     from qsmooth.kernels.newton_sweep import Wall
@@ -257,6 +258,25 @@ class Slider:
             locate(xy, self._outline, np.stack([offsets[:-1], offsets[1:] - 1], axis=1))
         fit_boxes(xy, self._sides)
         self._known[:] = [now]
+
+    def swings(self, xy: FloatArray) -> Swings:
+        """Say how far the edges of vertices that slide along the boundary can turn."""
+        from qsmooth.kernels.angle_bounds import HALF_TURN, Swings
+
+        n, offsets, chains = self.topology.n_vertices, self._chains.offsets, self._chains
+        turn, after, before = np.full(n, -1.0), np.full(n, -1.0), np.full(n, -1.0)
+        vertices = self._outline.vertices
+        for chain in np.flatnonzero(chains.on_boundary).tolist():
+            first, last = offsets[chain], offsets[chain + 1] - 1
+            own = vertices[first : last + 1]
+            if chains.off[first : last + 1].any():
+                continue  # edges may stay beside the line
+            nodes = chains.nodes[chains.segments[first] : chains.segments[last] + 2]
+            most = spread(nodes)
+            turn[own[1:-1]] = most if most < HALF_TURN else -1.0
+            after[own[1]] = swing(nodes, xy[own[1]], self._tolerance)
+            before[own[-2]] = swing(nodes[::-1], xy[own[-2]], self._tolerance)
+        return Swings(turn, after, before)
 
     def shares(self, xy: FloatArray, lengths: FloatArray, shares: FloatArray) -> None:
         """Take each vertex's move, (n_sliding,), as a share of its shortest edge."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,6 +11,9 @@ from qsmooth._types import BoolArray, FloatArray
 from qsmooth.adapters import to_mesh
 from qsmooth.metrics.quality import Quality, quality
 from qsmooth.topology import Topology
+
+if TYPE_CHECKING:
+    from qsmooth.kernels.angle_bounds import Swings
 
 
 @dataclass(frozen=True)
@@ -77,7 +80,13 @@ def limits(mesh: Any, *, keep_interfaces: bool = True) -> Limits:
     return angle_limits(mesh.topology, mesh.xy, movable, quality(mesh))
 
 
-def angle_limits(topology: Topology, xy: FloatArray, movable: BoolArray, now: Quality) -> Limits:
+def angle_limits(
+    topology: Topology,
+    xy: FloatArray,
+    movable: BoolArray,
+    now: Quality,
+    swings: Swings | None = None,
+) -> Limits:
     """Bound the smallest and the largest angle that the movable vertices can bring about.
 
     Parameters
@@ -88,6 +97,8 @@ def angle_limits(topology: Topology, xy: FloatArray, movable: BoolArray, now: Qu
         Vertices that may move, anywhere.
     now
         Metrics of the cells at these coordinates, in any order.
+    swings
+        What is known of those of them that slide along the boundary.
 
     Notes
     -----
@@ -95,12 +106,12 @@ def angle_limits(topology: Topology, xy: FloatArray, movable: BoolArray, now: Qu
     angle θ is given, and shared by the d cells there; round any other vertex it is 360°. In a
     valid mesh these angles add up to θ, so their mean is θ / d.
     """
-    from qsmooth.kernels.angle_bounds import angle_bounds
+    from qsmooth.kernels.angle_bounds import NO_SWINGS, angle_bounds
 
     smallest, largest = np.empty(topology.n_vertices), np.empty(topology.n_vertices)
     angle_bounds(
         xy, *topology.cells, topology.corner_cells, topology.twins, topology.star_offsets,
-        topology.star_corners, movable, smallest, largest,
+        topology.star_corners, movable, swings or NO_SWINGS, smallest, largest,
     )  # fmt: skip
     sizes = topology.cell_sizes
     by_sum = 60.0 if (sizes == 3).any() else 90.0, 90.0 if (sizes == 4).any() else 60.0

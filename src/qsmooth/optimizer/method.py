@@ -415,7 +415,8 @@ class Optimize(_Staged):
     def bounds(self, ground: Ground, result: Mesh, after: Quality) -> object:
         """Limits of the result's angles."""
         xy = ground.inside.at_vertices(result.xy)
-        return angle_limits(ground.topology, xy, ground.movable, after)
+        swings = None if ground.slider is None else ground.slider.swings(xy)
+        return angle_limits(ground.topology, xy, ground.movable, after, swings)
 
 
 @dataclass(frozen=True, kw_only=True)
