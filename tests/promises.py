@@ -18,13 +18,13 @@ from hypothesis import strategies as st
 import qsmooth
 import reference
 from meshes import KINDS, place, random_mesh, random_meshes, tangle
-from qsmooth import Mesh, SmoothResult, Stop, Untangle, smooth
+from qsmooth import Constraints, Mesh, SmoothResult, Stop, Untangle, smooth
 from qsmooth.engine import Stepwise, Threads
 from qsmooth.methods.base import Method
 from qsmooth.methods.driver import SweepingMethod
 from qsmooth.options import spelled
 from qsmooth.outcome import Aim
-from qsmooth.selection import select_cells, vertices_of
+from qsmooth.selection import select_cells, select_vertices, vertices_of
 from qsmooth.split import split_quads
 
 # How much worse than what is held a figure may be, relative to itself; for rounding.
@@ -38,6 +38,9 @@ HOLDABLE = {"aspect_ratio": False, "shape": True, "min_edge": True}
 # ------------------------------------------------------------------------------- any options
 
 SELECTIONS = st.sampled_from([None, [0], [0, 1, 2], "max_angle > 100", "shape < 0.8"])
+# Of the sign of coordinates, which no unit changes.
+FIXED = st.sampled_from([None, [0, 1, 2], "x < 0", "y >= 0 and x > 0, 3"])
+DIRECTIONS = st.sampled_from([None, (1.0, 0.0), (0.6, -0.8)])
 HOLDS = st.sets(st.sampled_from(["aspect_ratio", "shape", "min_edge"]))
 TARGETS = st.sampled_from(["auto", "ideal", "initial"])
 # Given by the checks themselves.
@@ -55,7 +58,10 @@ def values(spec):
     elif spec.kind == "integer":
         drawn = integers(spec.interval)
     else:
-        others = {"selection": SELECTIONS, "hold": HOLDS, "target": TARGETS}
+        others = {
+            "selection": SELECTIONS, "hold": HOLDS, "target": TARGETS, "fixed": FIXED,
+            "directions": DIRECTIONS,
+        }  # fmt: skip
         drawn = others.get(spec.name, st.just(spec.default))
     return st.none() | drawn if spec.optional else drawn
 
@@ -226,6 +232,8 @@ def movable_vertices(mesh, method):
         movable &= ~mesh.is_interface
     if method.selection is not None:
         movable &= vertices_of(mesh, select_cells(mesh, method.selection, method.selection_rings))
+    if method.fixed is not None:
+        movable &= ~select_vertices(mesh, method.fixed)
     return movable
 
 
@@ -300,6 +308,19 @@ def what_must_rest_rests(seen: Run):
     )
 
 
+def nothing_is_too_far(seen: Run):
+    """No vertex comes farther than it may, nor off the line along which it may move."""
+    mesh, method, points = seen.mesh, seen.method, seen.result.points
+    moves = points - mesh.points
+    lengths = np.linalg.norm(moves, axis=1)
+    if method.max_move is not None:
+        assert (lengths <= method.max_move).all(), "moved too far"
+    if method.directions is not None and mesh.plane is None:
+        ux, uy = method.directions
+        ulp = np.spacing(np.abs(points[:, :2]).max())
+        assert (np.abs(moves[:, 0] * uy - moves[:, 1] * ux) <= 3.0 * ulp).all(), "off its line"
+
+
 def held_from(seen: Run):
     """The mesh whose worst figures are held: the input, or what untangling alone makes of it.
 
@@ -313,10 +334,8 @@ def held_from(seen: Run):
         return None
     if stages[0].aim is not Aim.UNTANGLE or method.name == "untangle":
         return None
-    alone = Untangle(
-        max_sweeps=method.max_sweeps, selection=method.selection,
-        selection_rings=method.selection_rings, keep_interfaces=method.keep_interfaces, threads=1,
-    )  # fmt: skip
+    constraints = {name: getattr(method, name) for name in Constraints.specs()}
+    alone = Untangle(max_sweeps=method.max_sweeps, threads=1, **constraints)
     return smooth(mesh, alone).mesh
 
 
@@ -558,6 +577,7 @@ OF_ONE_RUN = [
     invalid_cells_get_no_more,
     worst_cell_keeps_its_quality,
     what_must_rest_rests,
+    nothing_is_too_far,
     figures_get_no_worse,
     trades_are_told,
     what_holds_back_is_told,
@@ -630,6 +650,8 @@ def scales_by_bits(made, method, power):
     """A power of two changes no bit but those of the exponent."""
     factor = 2.0**power
     result = smooth(made.mesh, method)
+    if method.max_move is not None:
+        method = replace(method, max_move=method.max_move * factor)
     other = smooth((made.points * factor, made.cells), method)
     assert np.array_equal(other.points, result.points * factor), "depends on the unit"
 

@@ -2,6 +2,7 @@
 # first used.
 from .adapters.meshio_mesh import from_meshio as from_meshio
 from .adapters.meshio_mesh import to_meshio as to_meshio
+from .constraints import Constraints as Constraints
 from .errors import MeshError as MeshError
 from .errors import MeshWarning as MeshWarning
 from .io import read_mesh as read_mesh

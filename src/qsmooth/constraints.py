@@ -6,16 +6,17 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from qsmooth._types import BoolArray, FloatArray
 from qsmooth.curves import checked_curve, parse_curve
 from qsmooth.kernels.rails import FREE, Rails
 from qsmooth.mesh import Mesh
+from qsmooth.metrics.bounds import Kept, kept_by
 from qsmooth.numbering import Inside
 from qsmooth.options import OptionError, Options, opaque, option
 from qsmooth.outline import Chains, find_chains
-from qsmooth.selection import marked, parse_selection, select_cells, vertices_of
+from qsmooth.selection import parse_selection, read_ids, select_cells, select_vertices
+from qsmooth.vectors import directions_of, parse_directions, shortest_edges, transition
 
 # Of the largest coordinate of points in a tilted plane: more than their rounding.
 ROUNDING = 2.0**-49
@@ -29,6 +30,8 @@ class Freedom:
     ----------
     movable : (n_vertices,)
         Vertices that may move at all.
+    kept
+        What keeps the others: words for them, and a mask, (n_vertices,); one after the other.
     cells : (n_cells,) or None
         Selected cells; None for all.
     origin : (n_vertices, 2)
@@ -46,6 +49,7 @@ class Freedom:
     """
 
     movable: BoolArray
+    kept: tuple[Kept, ...]
     cells: BoolArray | None
     origin: FloatArray
     reach: FloatArray | None = None
@@ -73,6 +77,7 @@ class Freedom:
         return replace(
             self,
             movable=self.movable[inside.topology.vertex_ids],
+            kept=tuple((words, kept[inside.topology.vertex_ids]) for words, kept in self.kept),
             origin=inside.at_vertices(self.origin),
             reach=None if self.reach is None else inside.at_vertices(self.reach),
             directions=None if self.directions is None else inside.at_vertices(self.directions),
@@ -103,16 +108,28 @@ class Constraints(Options):
         None,
         metavar="CELLS",
         parse=parse_selection,
-        help="Cells whose vertices may move: ids, as in 3,7,12 (in Python also a mask), or a "
-        "threshold on a metric, as in 'max_angle > 150'.",
+        help="Cells whose vertices may move: ids, as in 3,7,12 (in Python also a mask); a "
+        "threshold on a metric, as in 'max_angle > 150'; a region, as in 'region == 3', also by "
+        "its name in the file; or the cells in a polygon, as in 'polygon: 0,0 2,0 2,1', or in one "
+        "of a file, 'polygon: FILE' (in Python also an array, (k, 2)).",
     )
     selection_rings: int = option(
-        0, within="[0, inf)", help="How often the selection grows by the cells that touch it."
+        0,
+        within="[0, inf)",
+        help="Rings of cells around the selection, in which vertices move less and less: of n "
+        "rings, in ring k by up to (n + 1 - k) / (n + 1) of their shortest edge.",
     )
     fixed: Any = opaque(
         None,
         metavar="VERTICES",
-        help="Vertices that stay besides those that do anyway: ids or a mask.",
+        help="Vertices that stay besides those that do anyway: ids, as in 3,7,12 (in Python also a "
+        "mask); conditions, as in 'x < 0 and y >= 1.5'; or what the file has by name: point sets, "
+        "physical groups, markers, cell sets.",
+    )
+    fixed_file: Any = opaque(
+        None,
+        metavar="FILE",
+        help="A file of such ids, one a line, counted from 0; what follows a # does not count.",
     )
     boundary: Literal["fixed", "slide"] = option(
         "fixed", help="Whether boundary vertices stay, or slide along the boundary."
@@ -143,7 +160,9 @@ class Constraints(Options):
         "polyline (in Python also a function that projects places onto a curve).",
     )
     max_move: float | None = option(
-        None, within="(0, inf)", help="How far a vertex may come from where it was, a length."
+        None,
+        within="(0, inf)",
+        help="How far a vertex may come from where it was, in the unit of the coordinates.",
     )
     max_move_share: float | None = option(
         None,
@@ -153,7 +172,9 @@ class Constraints(Options):
     directions: Any = opaque(
         None,
         metavar="DIRECTIONS",
-        help="Directions along which alone vertices may move, (n_vertices, 2), NaN for free.",
+        help="Along what alone vertices may move: a vector for all, as in 1,0, or the name of "
+        "point data with two or three components (in Python also an array, (n_vertices, 2)). NaN "
+        "where a vertex is free.",
     )
 
     def __post_init__(self) -> None:
@@ -170,7 +191,7 @@ class Constraints(Options):
                 "`keep_interfaces=False` lets them leave these: take one of the two"
             )
         if self.directions is not None:
-            object.__setattr__(self, "directions", unit_vectors(self.directions))
+            object.__setattr__(self, "directions", parse_directions(self.directions))
 
     def freedom(self, mesh: Mesh) -> Freedom:
         """Work out what may move of a mesh, in the caller's order.
@@ -180,38 +201,46 @@ class Constraints(Options):
         OptionError
             Where a constraint does not fit the mesh.
         """
-        may, cells = np.ones(mesh.n_vertices, np.bool_), None
-        if self.selection is not None:
-            cells = select_cells(mesh, self.selection, self.selection_rings)
-            may &= vertices_of(mesh, cells)
+        topology, cells, shares = mesh.topology, None, None
+        kept: list[Kept] = []
         if self.fixed is not None:
-            may &= ~marked(np.asarray(self.fixed), mesh.n_vertices, "vertex", "fixed")
-        directions = self.directions
-        if directions is not None and len(directions) != mesh.n_vertices:
-            raise OptionError(
-                f"`directions` must have the shape ({mesh.n_vertices}, 2), got {directions.shape}"
-            )
-        movable = mesh.topology.movable(self.keep_interfaces) & may
+            kept.append(("vertices given as fixed", select_vertices(mesh, self.fixed)))
+        if self.fixed_file is not None:
+            ids = np.array(read_ids(self.fixed_file, "fixed_file"), np.int64)
+            kept.append(("vertices given as fixed", select_vertices(mesh, ids)))
+        if self.selection is not None:
+            chosen = select_cells(mesh, self.selection)
+            cells, shares = transition(mesh, chosen, self.selection_rings)
+            kept.append(("vertices outside the selection", shares == 0.0))
+        directions = None if self.directions is None else directions_of(mesh, self.directions)
+        stays = [marks for _, marks in kept]
         if directions is not None:
-            may &= np.isnan(directions[:, 0])
-        chains = self._chains(mesh, may)
+            stays.append(~np.isnan(directions[:, 0]))
+        chains = self._chains(mesh, stays)
+        slide = np.zeros(mesh.n_vertices, np.bool_)
         if chains is not None:
-            movable |= chains.sliding(mesh.n_vertices)
+            slide = chains.sliding(mesh.n_vertices)
+        own = kept_by(topology, self.keep_interfaces)
+        kept = [*((words, marks & ~slide) for words, marks in own), *kept]
         return Freedom(
-            movable=movable,
+            movable=~np.logical_or.reduce([marks for _, marks in kept]),
+            kept=tuple(kept),
             cells=cells,
             origin=mesh.xy,
-            reach=self._reach(mesh),
+            reach=self._reach(mesh, shares),
             directions=directions,
             rounding=0.0 if mesh.plane is None else ROUNDING * float(np.abs(mesh.points).max()),
             chains=chains,
             tolerance=self.outline_tolerance,
         )
 
-    def _chains(self, mesh: Mesh, may: BoolArray) -> Chains | None:
-        """Find the lines along which vertices slide, of those that may move, (n_vertices,)."""
+    def _chains(self, mesh: Mesh, stays: list[BoolArray]) -> Chains | None:
+        """Find the lines along which vertices slide, but for those marked, (n_vertices,) each."""
         if "slide" not in (self.boundary, self.interfaces):
             return None
+        may = np.ones(mesh.n_vertices, np.bool_)
+        for marks in stays:
+            may &= ~marks
         chains = find_chains(
             mesh,
             may,
@@ -222,51 +251,26 @@ class Constraints(Options):
         )
         return chains if chains.inner.size else None
 
-    def _reach(self, mesh: Mesh) -> FloatArray | None:
-        """How far each vertex may come from where it is, (n_vertices,)."""
-        if self.max_move is None and self.max_move_share is None:
+    def _reach(self, mesh: Mesh, shares: FloatArray | None) -> FloatArray | None:
+        """How far each vertex may come from where it is, (n_vertices,).
+
+        Parameters
+        ----------
+        shares : (n_vertices,) or None
+            As `transition` gives them.
+        """
+        in_rings = shares is not None and self.selection_rings > 0
+        if self.max_move is None and self.max_move_share is None and not in_rings:
             return None
         reach = np.full(mesh.n_vertices, np.inf if self.max_move is None else self.max_move)
+        by_edge = np.full(mesh.n_vertices, np.inf)
         if self.max_move_share is not None:
-            np.minimum(reach, self.max_move_share * shortest_edges(mesh), out=reach)
-        return reach
-
-
-def unit_vectors(directions: npt.ArrayLike) -> FloatArray:
-    """Take directions as unit vectors, (n, 2); rows of NaN stay.
-
-    Raises
-    ------
-    OptionError
-        If they are no such array, or one has no length.
-    """
-    try:
-        array = np.array(directions, np.float64)
-    except (TypeError, ValueError):
-        raise OptionError("`directions` must be numbers in an (n_vertices, 2) array") from None
-    if array.ndim != 2 or array.shape[1] != 2:
-        raise OptionError(f"`directions` must have the shape (n_vertices, 2), got {array.shape}")
-    free = np.isnan(array)
-    array[free.all(axis=1)] = np.nan
-    # Scaled first: squares would overflow, or vanish.
-    largest = np.abs(array).max(axis=1, initial=0.0)
-    bad = ~free.all(axis=1) & ~(np.isfinite(largest) & (largest > 0.0))
-    if bad.any():
-        v = int(np.argmax(bad))
-        raise OptionError(
-            "each row of `directions` must be a vector with a length, or NaN twice; that of vertex "
-            f"{v} is {array[v].tolist()}"
-        )
-    array /= largest[:, None]
-    array /= np.hypot(array[:, 0], array[:, 1])[:, None]
-    return array
-
-
-def shortest_edges(mesh: Mesh) -> FloatArray:
-    """Measure the shortest edge of each vertex, (n_vertices,); infinite for one without edges."""
-    from qsmooth.kernels.untangle_sweep import shortest_edges
-
-    out = np.empty(mesh.n_vertices)
-    everyone = np.arange(mesh.n_vertices, dtype=np.uint32)
-    shortest_edges(mesh.xy.copy(), *mesh.topology.rings, everyone, out)
-    return out
+            by_edge[:] = self.max_move_share
+        if shares is not None:
+            by_edge = np.where(shares > 0.0, np.minimum(by_edge, shares), by_edge)
+        limited = np.isfinite(by_edge)
+        if limited.any():
+            with np.errstate(over="ignore"):
+                edges = by_edge[limited] * shortest_edges(mesh)[limited]
+            reach[limited] = np.minimum(reach[limited], edges)
+        return reach if np.isfinite(reach).any() else None

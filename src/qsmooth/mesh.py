@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Sequence
 from typing import Any, Literal, TypeAlias
 
+import numpy as np
 import numpy.typing as npt
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray
@@ -228,6 +229,29 @@ class Mesh:
         else:
             points[moved] += self._plane.displacement(xy[moved] - self._xy[moved])
         return self._at(points)
+
+    def with_fixed(self, fixed: npt.ArrayLike | None) -> Mesh:
+        """Make a mesh whose vertices here must not move, instead of those fixed before.
+
+        All else stays: regions, line cells, data, and the file that it was read from. Boundary
+        vertices are fixed in any case.
+
+        Parameters
+        ----------
+        fixed : (n,) bool, or vertex ids
+            None for no vertex.
+
+        Raises
+        ------
+        MeshError
+            If it is neither, or has ids that are no vertices.
+        """
+        mask = checked_fixed(fixed, self.n_vertices)
+        mesh = self._copy()
+        mesh._topology = self._topology.with_fixed(
+            np.zeros(self.n_vertices, np.bool_) if mask is None else mask
+        )
+        return mesh
 
     def with_cells(self, cells: IndexArray, regions: IndexArray | None = None) -> Mesh:
         """Put other cells, oriented as they are, on the same vertices; for `qsmooth.split`.

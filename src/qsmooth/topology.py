@@ -39,10 +39,9 @@ class Topology:
         Corners as the caller listed them.
     turned : (n_cells,)
         Cells that run the other way than the caller's.
-    used, is_boundary, is_fixed : (n_vertices,)
-        In a cell; on an edge with only one cell; never to move: boundary, the caller's, orphans.
-    given_fixed : (n_vertices,)
-        Vertices that the caller says are fixed.
+    used, is_boundary, given_fixed, is_fixed : (n_vertices,)
+        In a cell; on an edge with only one cell; fixed by the caller; never to move: both of these,
+        and orphans.
     regions : (n_cells,) or None
         Region of each cell.
     lines : (k, 2)
@@ -109,10 +108,7 @@ class Topology:
         self.is_boundary = read_only(
             kernels.mark_edge_ends(n_vertices, self.cell_offsets, vertices, twins < 0)
         )
-        is_fixed = self.is_boundary | ~self.used
-        given = np.zeros(n_vertices, np.bool_) if fixed is None else fixed
-        self.given_fixed = read_only(given)
-        self.is_fixed = read_only(is_fixed | given)
+        self._fix(np.zeros(n_vertices, np.bool_) if fixed is None else fixed)
         self._schedules: dict[bool, Stars] = {}
         self._blocks: dict[bool, Blocks] = {}
         self.is_renumbered = False
@@ -275,10 +271,24 @@ class Topology:
 
     def with_lines(self, lines: IndexArray) -> Topology:
         """Share everything but the line cells, (k, 2)."""
-        topology = object.__new__(Topology)
-        topology.__dict__.update(self.__dict__)
+        topology = self._copy()
         topology.__dict__.pop("is_interface", None)
         topology.lines = read_only(np.array(lines, np.int64).reshape(-1, 2))
+        return topology
+
+    def with_fixed(self, fixed: BoolArray) -> Topology:
+        """Share everything but which vertices the caller fixes, (n_vertices,)."""
+        topology = self._copy()
+        topology._fix(fixed)
+        return topology
+
+    def _fix(self, fixed: BoolArray) -> None:
+        self.given_fixed = read_only(fixed)
+        self.is_fixed = read_only(self.is_boundary | ~self.used | fixed)
+
+    def _copy(self) -> Topology:
+        topology = object.__new__(Topology)
+        topology.__dict__.update(self.__dict__)
         topology._schedules, topology._blocks, topology._along_curve = {}, {}, None
         return topology
 

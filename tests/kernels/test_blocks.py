@@ -106,7 +106,7 @@ def test_blocks_are_full_where_all_stars_are_alike():
 
 @pytest.mark.nojit
 def test_no_movable_vertex_makes_no_block():
-    _, (colour_blocks, blocks, vertices, stars, cells, largest) = blocks_of(Mesh(*grid(1, 3)))
+    _, (colour_blocks, blocks, vertices, stars, cells, largest, _) = blocks_of(Mesh(*grid(1, 3)))
     assert colour_blocks[-1] == 0
     assert len(blocks) == vertices.size == stars.size == cells.size == largest == 0
 

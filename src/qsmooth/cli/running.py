@@ -50,14 +50,16 @@ def run(mesh: Mesh, method: Method, why: str = "") -> SmoothResult:
         return replace(method, callback=callback).run(mesh, why)
 
 
-def limits_of(result: SmoothResult, method: Method) -> Limits:
+def limits_of(before: Mesh, result: SmoothResult, method: Method) -> Limits:
     """Bounds of the angles of a result."""
-    from qsmooth.metrics import Limits, limits
+    from qsmooth.metrics import Limits, quality
+    from qsmooth.metrics.bounds import angle_limits
 
-    known = result.outcome.limits
+    known, mesh = result.outcome.limits, result.mesh
     if isinstance(known, Limits):
         return known
-    return limits(result.mesh, keep_interfaces=method.keep_interfaces)
+    freedom = method.freedom(before)
+    return angle_limits(mesh.topology, mesh.xy, freedom.movable, quality(mesh), freedom.kept)
 
 
 def show_outcome(result: SmoothResult) -> None:

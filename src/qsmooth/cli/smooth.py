@@ -68,7 +68,7 @@ def smooth(
     mesh = files.read(mesh_file, surface, format)
     files.require_format(output, mesh, output_format)
     result = running.run(mesh, chosen, why)
-    limits = running.limits_of(result, chosen)
+    limits = running.limits_of(mesh, result, chosen)
     from qsmooth.io import write_mesh
 
     write_mesh(output, result.mesh, format=output_format)

@@ -132,7 +132,8 @@ class Islands:
         before = xy[self._vertices]
         xy[:] = trial
         self._determinants()
-        worse = self._worst < worst - MOST_LOST * np.abs(worst)
+        with np.errstate(invalid="ignore"):  # infinite where no corner counts
+            worse = self._worst < worst - MOST_LOST * np.abs(worst)
         if worse.any():
             back = worse[self._island_of_vertex]
             xy[self._vertices[back]] = before[back]

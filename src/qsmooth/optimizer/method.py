@@ -416,7 +416,8 @@ class Optimize(_Staged):
         """Limits of the result's angles."""
         xy = ground.inside.at_vertices(result.xy)
         swings = None if ground.slider is None else ground.slider.swings(xy)
-        return angle_limits(ground.topology, xy, ground.movable, after, swings)
+        kept = ground.freedom.kept
+        return angle_limits(ground.topology, xy, ground.movable, after, kept, swings)
 
 
 @dataclass(frozen=True, kw_only=True)
