@@ -8,11 +8,13 @@ from typing import Any, Literal
 import numpy as np
 
 from qsmooth._types import BoolArray, FloatArray
+from qsmooth.curves import checked_curve, parse_curve
 from qsmooth.kernels.rails import FREE, Rails
 from qsmooth.mesh import Mesh
 from qsmooth.metrics.bounds import Kept, kept_by
 from qsmooth.numbering import Inside
-from qsmooth.options import Options, opaque, option
+from qsmooth.options import OptionError, Options, opaque, option
+from qsmooth.outline import Chains, find_chains
 from qsmooth.selection import parse_selection, read_ids, select_cells, select_vertices
 from qsmooth.vectors import directions_of, parse_directions, shortest_edges, transition
 
@@ -40,6 +42,10 @@ class Freedom:
         Unit vectors along which alone they may move, NaN for any direction; None for all.
     rounding
         A length that a move may grow by when it is stored: in a tilted plane.
+    chains
+        Lines along which some of `movable` slide, of the caller's vertices; None where none does.
+    tolerance
+        How far an edge on these may be from its line, as a share of the edge.
     """
 
     movable: BoolArray
@@ -49,6 +55,8 @@ class Freedom:
     reach: FloatArray | None = None
     directions: FloatArray | None = None
     rounding: float = 0.0
+    chains: Chains | None = None
+    tolerance: float = 0.0
 
     @property
     def n_movable(self) -> int:
@@ -147,6 +155,7 @@ class Constraints(Options):
     curve: Any = opaque(
         None,
         metavar="FILE",
+        parse=parse_curve,
         help="What sliding vertices slide along instead of the mesh's own outline: a finer "
         "polyline (in Python also a function that projects places onto a curve).",
     )
@@ -172,6 +181,15 @@ class Constraints(Options):
         super().__post_init__()
         if isinstance(self.selection, str):
             parse_selection(self.selection)
+        if self.curve is not None:
+            object.__setattr__(self, "curve", checked_curve(self.curve))
+            if "slide" not in (self.boundary, self.interfaces):
+                raise OptionError("`curve` needs `boundary='slide'` or `interfaces='slide'`")
+        if self.interfaces == "slide" and not self.keep_interfaces:
+            raise OptionError(
+                "`interfaces='slide'` keeps vertices on the lines between regions, and "
+                "`keep_interfaces=False` lets them leave these: take one of the two"
+            )
         if self.directions is not None:
             object.__setattr__(self, "directions", parse_directions(self.directions))
 
@@ -184,7 +202,7 @@ class Constraints(Options):
             Where a constraint does not fit the mesh.
         """
         topology, cells, shares = mesh.topology, None, None
-        kept = kept_by(topology, self.keep_interfaces)
+        kept: list[Kept] = []
         if self.fixed is not None:
             kept.append(("vertices given as fixed", select_vertices(mesh, self.fixed)))
         if self.fixed_file is not None:
@@ -194,15 +212,44 @@ class Constraints(Options):
             chosen = select_cells(mesh, self.selection)
             cells, shares = transition(mesh, chosen, self.selection_rings)
             kept.append(("vertices outside the selection", shares == 0.0))
+        directions = None if self.directions is None else directions_of(mesh, self.directions)
+        stays = [marks for _, marks in kept]
+        if directions is not None:
+            stays.append(~np.isnan(directions[:, 0]))
+        chains = self._chains(mesh, stays)
+        slide = np.zeros(mesh.n_vertices, np.bool_)
+        if chains is not None:
+            slide = chains.sliding(mesh.n_vertices)
+        own = kept_by(topology, self.keep_interfaces)
+        kept = [*((words, marks & ~slide) for words, marks in own), *kept]
         return Freedom(
             movable=~np.logical_or.reduce([marks for _, marks in kept]),
             kept=tuple(kept),
             cells=cells,
             origin=mesh.xy,
             reach=self._reach(mesh, shares),
-            directions=None if self.directions is None else directions_of(mesh, self.directions),
+            directions=directions,
             rounding=0.0 if mesh.plane is None else ROUNDING * float(np.abs(mesh.points).max()),
+            chains=chains,
+            tolerance=self.outline_tolerance,
         )
+
+    def _chains(self, mesh: Mesh, stays: list[BoolArray]) -> Chains | None:
+        """Find the lines along which vertices slide, but for those marked, (n_vertices,) each."""
+        if "slide" not in (self.boundary, self.interfaces):
+            return None
+        may = np.ones(mesh.n_vertices, np.bool_)
+        for marks in stays:
+            may &= ~marks
+        chains = find_chains(
+            mesh,
+            may,
+            boundary=self.boundary == "slide",
+            interfaces=self.interfaces == "slide",
+            corner_angle=self.corner_angle,
+            curve=self.curve,
+        )
+        return chains if chains.inner.size else None
 
     def _reach(self, mesh: Mesh, shares: FloatArray | None) -> FloatArray | None:
         """How far each vertex may come from where it is, (n_vertices,).

@@ -248,6 +248,33 @@ class Carried:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Sliding:
+    """What became of the vertices that could slide, and of the lines that they are on.
+
+    Attributes
+    ----------
+    boundary_vertices, may_slide, slid
+        Vertices of the boundary; those of them that could slide; and that are elsewhere now.
+    interface_vertices, interface_slid
+        Vertices on lines inside the mesh that could slide, and that are elsewhere now.
+    beside
+        Those that could not be brought onto the curve that was given.
+    deviation, deviation_share
+        Largest distance of an edge from the line that it stands for, a length; and the largest as a
+        share of its edge.
+    """
+
+    boundary_vertices: int
+    may_slide: int
+    slid: int
+    interface_vertices: int = 0
+    interface_slid: int = 0
+    beside: int = 0
+    deviation: float = 0.0
+    deviation_share: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
 class Outcome:
     """What a method did and why it stopped.
 
@@ -288,6 +315,8 @@ class Outcome:
         What became of the cells' sizes; None where there is no target.
     carried
         What became of values that belong to places, a record each.
+    sliding
+        What became of the vertices that could slide; None where none could.
     limits
         Provable bounds of the angles, `qsmooth.Limits`, where the method works them out.
     """
@@ -310,6 +339,7 @@ class Outcome:
     target: Target | None = None
     sizes: Sizes | None = None
     carried: tuple[Carried, ...] = ()
+    sliding: Sliding | None = None
     limits: Any = None
 
     @property
@@ -322,7 +352,7 @@ class Outcome:
         plain: dict[str, Any] = {**vars(self), "stop": self.stop.value, "sweeps": self.sweeps}
         for name in ("stages", "trades", "held", "carried"):
             plain[name] = [asdict(record) for record in plain[name]]
-        for name in ("forbidden", "invalid", "cut", "target", "sizes"):
+        for name in ("forbidden", "invalid", "cut", "target", "sizes", "sliding"):
             plain[name] = None if plain[name] is None else asdict(plain[name])
         plain["limits"] = None if self.limits is None else self.limits.to_dict()
         made_finite: dict[str, Any] = finite(plain)

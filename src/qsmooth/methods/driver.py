@@ -24,6 +24,7 @@ from qsmooth.numbering import Inside
 from qsmooth.options import OptionError, option
 from qsmooth.outcome import Aim, Cut, Invalid, Outcome, Stage, Stop
 from qsmooth.result import History, SmoothResult, SweepRecord
+from qsmooth.sliding import Slides, slid, slider_of
 from qsmooth.split import Diagonal, split_quads
 from qsmooth.topology import Topology
 
@@ -80,6 +81,8 @@ class Setting:
         Which group of cells proposes moves.
     rails
         Where the vertices may be.
+    slides
+        Sweeps over the vertices that slide; None where none does.
     """
 
     topology: Topology
@@ -88,6 +91,7 @@ class Setting:
     selected: BoolArray | None
     aim: Aim = Aim.ALL_CELLS
     rails: Rails = FREE
+    slides: Slides | None = None
 
     @cached_property
     def blocks(self) -> Blocks:
@@ -150,13 +154,16 @@ class SweepingMethod(Method):
         engine = threads_for(self.threads, freedom.n_movable) if freedom.n_movable else None
         if engine is not None and self.max_sweeps:
             free = freedom.inside(inside)
-            stars = topology.schedule_of(free.movable)
-            good = math.nan
+            slider = slider_of(free, cut, swept)
+            stars = topology.schedule_of(free.movable if slider is None else slider.others(free))
+            good = worst = math.nan
             if self.quality_guard:
                 measured = swept.quality(cut) if cut is not mesh else before
-                good = self.good(float(measured.scaled_jacobian.min()))
+                worst = float(measured.scaled_jacobian.min())
+                good = self.good(worst)
             cells = swept.chosen_cells(selected)
-            setting = Setting(topology, stars, good, cells, rails=free.rails())
+            slides = None if slider is None else Slides(slider, worst)
+            setting = Setting(topology, stars, good, cells, rails=free.rails(), slides=slides)
             with engine.running():
                 for aim, n_sweeps in self.stages():
                     run.stage(replace(setting, aim=aim), engine, n_sweeps)
@@ -179,6 +186,7 @@ class SweepingMethod(Method):
                 guarded=self.guards,
                 selected=self.selection is not None,
                 unchanged=result is mesh or np.array_equal(result.points, mesh.points),
+                sliding=slid(freedom, mesh, result),
                 invalid=invalid_cells(before, after),
                 cut=None
                 if cut is mesh
@@ -249,8 +257,10 @@ class _Run:
         """Sweep so often at most."""
         if self.stop in (Stop.TIME_LIMIT, Stop.CALLBACK):
             return
-        n_movable = setting.stars.vertices.size
-        moves = Moves(np.zeros(n_movable), np.zeros(n_movable))
+        n_free, slides = setting.stars.vertices.size, setting.slides
+        n_movable = n_free + (0 if slides is None else slides.slider.vertices.size)
+        every = Moves(np.zeros(n_movable), np.zeros(n_movable))
+        moves = Moves(every.lengths[:n_free], every.shares[:n_free])
         sweep = self.method.start(setting)
         first, seconds = len(self.history), self.seconds
         self.stop = None
@@ -258,8 +268,10 @@ class _Run:
             started = clock()
             sweep.prepare(self.xy)
             engine.run(lambda colours: sweep.move(self.xy, colours, moves), sweep.n_colours)
+            if slides is not None:
+                slides.sweep(self.xy, every.lengths[n_free:], every.shares[n_free:])
             self.seconds += clock() - started
-            self.history.append(record(Quality(self.topology, self.xy), *moves))
+            self.history.append(record(Quality(self.topology, self.xy), *every))
             self.watch.tell(self.history[-1])
             self.stop = self._why_stop(self.history[first:])
         past = self.history[first - 1] if first else self._start

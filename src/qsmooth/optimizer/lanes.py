@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from qsmooth.optimizer.caps import ALWAYS, FREE, Caps
 from qsmooth.optimizer.extrapolation import Extrapolation
 from qsmooth.optimizer.look import Look
 from qsmooth.optimizer.progress import ROUND, Progress
+from qsmooth.sliding import Asked, Slider
 from qsmooth.sums import exact_sum
 from qsmooth.targets import Targets, beside_others
 from qsmooth.topology import Topology
@@ -58,19 +59,41 @@ class Lanes:
         Who runs the sweeps.
     rails
         Where the vertices may be.
+    slider
+        The vertices that slide; None where none does.
     """
 
     def __init__(
-        self, topology: Topology, stars: Stars, engine: Engine, rails: Rails = ANYWHERE
+        self,
+        topology: Topology,
+        stars: Stars,
+        engine: Engine,
+        rails: Rails = ANYWHERE,
+        slider: Slider | None = None,
     ) -> None:
         self.topology, self.stars, self._engine, self.rails = topology, stars, engine, rails
         self.movable = np.zeros(topology.n_vertices, np.bool_)
         self.movable[stars.vertices] = True
         self.n_colours = stars.colour_offsets.size - 1
-        n_movable = stars.vertices.size
-        self._moves = Moves(np.zeros(n_movable), np.zeros(n_movable))
-        self._shortest = np.empty(n_movable)
+        self._slider, n_free = slider, stars.vertices.size
+        n_movable = n_free
+        if slider is not None:
+            self.movable |= slider.mask
+            n_movable += slider.vertices.size
+        self._every = Moves(np.zeros(n_movable), np.zeros(n_movable))
+        # Those that sweeps write, and those of sliding vertices.
+        self._moves = Moves(self._every.lengths[:n_free], self._every.shares[:n_free])
+        self._slides = Moves(self._every.lengths[n_free:], self._every.shares[n_free:])
+        self._shortest = np.empty(n_free)
         self._look: Look | None = None
+
+    @property
+    def vertices(self) -> IndexArray:
+        """Those that may move; those that slide come last, (n_movable,)."""
+        listed = self.stars.vertices.astype(np.int64)
+        if self._slider is None:
+            return listed
+        return np.concatenate([listed, np.flatnonzero(self._slider.mask)])
 
     @cached_property
     def _blocks(self) -> Blocks:
@@ -103,6 +126,13 @@ class Lanes:
             weight,
         )
         return rows
+
+    @cached_property
+    def _asked_of_slides(self) -> Asked:
+        """What is asked of the cells around each vertex that slides."""
+        size_weight, slim, weight = self._asked
+        targets, slider = self.targets, cast("Slider", self._slider)
+        return slider.ask(targets.corners, targets.area, size_weight, slim, weight, targets.maps)
 
     def quality(self, xy: FloatArray) -> Quality:
         """Measure the mesh at these coordinates."""
@@ -141,6 +171,7 @@ class Lanes:
             ahead.start(xy, self.shortest_edges(xy))
         for _ in range(n_sweeps):
             self._engine.run(sweep, self.n_colours)
+            self._slide(xy, wall)
             progress.sweeps += 1
             if progress.cut_short():
                 return
@@ -148,6 +179,12 @@ class Lanes:
                 ahead.note(xy)
         if ahead is not None:
             ahead.judge(self._go(xy, ahead.extrapolated(xy), wall))
+
+    def _slide(self, xy: FloatArray, wall: Wall) -> None:
+        """Sweep over the vertices that slide."""
+        if self._slider is not None:
+            asked, lengths = self._asked_of_slides, self._slides.lengths
+            self._slider.sweep(xy, wall, self.caps.swept, asked, lengths)
 
     def _go(self, xy: FloatArray, trial: FloatArray | None, wall: Wall) -> bool:
         """Go to where the sweeps lead if that is allowed and better; say whether."""
@@ -320,6 +357,8 @@ class Lanes:
         worst = worst_around(worst, rings, *self.topology.cells, self.topology.n_vertices)
         self._near = 1.0 / worst
         self._rows = self._rows._replace(near=self._near[self._blocks.cells])
+        if self._slider is not None:
+            self._asked_of_slides = self._slider.near(self._asked_of_slides, self._near)
 
     def weigh_good(self, xy: FloatArray) -> None:
         """Let each cell's shape energy f count by 1 / f² at these coordinates.
@@ -337,6 +376,7 @@ class Lanes:
         weight = np.ones(slim.size) if weight is None else weight
         self._asked, self._near = (size_weight, slim, weight), np.ones(slim.size)
         self.__dict__.pop("_rows", None)
+        self.__dict__.pop("_asked_of_slides", None)
 
     def look(self, xy: FloatArray) -> Look:
         """Measure the cells at these coordinates; the last look is kept, and used again."""
@@ -359,6 +399,8 @@ class Lanes:
             ),
             self.n_colours,
         )
+        if self._slider is not None:
+            self._slider.untangle(xy, sizes, epsilon, self._slides.lengths)
 
     def mend_more(self, xy: FloatArray, closed: BoolArray, progress: Progress) -> None:
         """Move each vertex to where more of its cells are good; closed corners don't count."""
@@ -387,7 +429,9 @@ class Lanes:
         lengths, shares = self._moves
         shares[:] = 0.0
         np.divide(lengths, self.shortest_edges(xy), out=shares, where=lengths > 0.0)
-        progress.note(now, self._moves)
+        if self._slider is not None:
+            self._slider.shares(xy, *self._slides)
+        progress.note(now, self._every)
 
     def energy(self, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Largest badness and mean shape energy of each cell, (n_cells,).

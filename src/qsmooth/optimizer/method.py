@@ -29,6 +29,7 @@ from qsmooth.optimizer.untangling import untangle, with_proof
 from qsmooth.options import opaque, option
 from qsmooth.outcome import Aim, Forbidden, Held, Invalid, Outcome, Stop, Target
 from qsmooth.result import History, SmoothResult
+from qsmooth.sliding import slid
 from qsmooth.sums import exact_mean
 from qsmooth.targets import (
     Targets,
@@ -126,6 +127,7 @@ class _Staged(Method):
                 held=found.held,
                 invalid=invalid,
                 target=found.target,
+                sliding=slid(freedom, mesh, result),
                 sizes=sizes,
                 limits=bounds,
             ),
@@ -414,7 +416,9 @@ class Optimize(_Staged):
     def bounds(self, ground: Ground, result: Mesh, after: Quality) -> object:
         """Limits of the result's angles."""
         xy = ground.inside.at_vertices(result.xy)
-        return angle_limits(ground.topology, xy, ground.movable, after, ground.freedom.kept)
+        swings = None if ground.slider is None else ground.slider.swings(xy)
+        kept = ground.freedom.kept
+        return angle_limits(ground.topology, xy, ground.movable, after, kept, swings)
 
 
 @dataclass(frozen=True, kw_only=True)
