@@ -18,7 +18,7 @@ from qsmooth.optimizer.extrapolation import Extrapolation
 from qsmooth.optimizer.look import Look
 from qsmooth.optimizer.progress import ROUND, Progress
 from qsmooth.sums import exact_sum
-from qsmooth.targets import Targets, beside_others
+from qsmooth.targets import Targets, beside_others, ideal_corners
 from qsmooth.topology import Topology
 
 if TYPE_CHECKING:
@@ -37,6 +37,8 @@ LAYER_WEIGHT = 3.0
 # of the layer: at the trailing edge of an airfoil 1.9 times of it, and now 1.3. In triangles of
 # layers too: their smallest angle is their height over their length.
 BORDER_WEIGHT = 100.0
+# Stands for the corners of the rows where these ask for ideal shapes.
+NO_CORNERS = np.empty(0, np.int64)
 # Where an extrapolation is forbidden vertices are put back so often before it is given up.
 PUT_BACK = 12
 # Multiple of the Newton step that is tried first: neighbours follow the same way in their turn.
@@ -83,19 +85,34 @@ class Lanes:
 
     @cached_property
     def _rows(self) -> Rows:
-        """What is asked of the cells around each vertex."""
-        from qsmooth.kernels.blocks import make_rows
+        """What is asked of the cells around each vertex; for `rows_for`."""
+        from qsmooth.kernels.blocks import SHAPES, SIZES, WALLS, make_rows
 
+        is_ideal = self.targets.kind == "ideal" and np.array_equal(
+            self.targets.corners, ideal_corners(self.topology)
+        )
         size_weight, slim, weight = self._asked
         rows: Rows = make_rows(
             self._blocks,
-            self._row_corners,
+            NO_CORNERS if is_ideal else self._row_corners,
             self.targets.corners,
             self.targets.area,
             size_weight,
             slim,
             weight,
+            0 if self.targets.maps is None else SHAPES | SIZES | WALLS,
         )
+        return rows
+
+    def rows_for(self, wall: Wall) -> Rows:
+        """What is asked of the cells around each vertex, with all that sweeps with a wall read."""
+        rows, n_rows = self._rows, self._blocks.cells.size
+        if math.isfinite(wall.threshold):
+            if not rows.slim.size:
+                rows = rows._replace(slim=np.zeros(n_rows))
+            if not rows.near.size:
+                rows = rows._replace(near=np.ones(n_rows))
+            self._rows = rows
         return rows
 
     def quality(self, xy: FloatArray) -> Quality:
@@ -199,7 +216,7 @@ class Lanes:
         self, xy: FloatArray, wall: Wall, held: FloatArray, lengths: FloatArray
     ) -> Callable[[tuple[int, int]], None]:
         """Give the sweep over some colours that fits the targets."""
-        rows = self._rows
+        rows = self.rows_for(wall)
         if self.targets.maps is None:
             from qsmooth.kernels.newton_sweep import newton_sweep
 
@@ -306,6 +323,7 @@ class Lanes:
     def look(self, xy: FloatArray) -> Look:
         """Measure the cells at these coordinates; the last look is kept, and used again."""
         if self._look is None or not self._look.is_of(xy):
+            self._look = None  # it is as large as the next one
             self._look = Look(self.topology, xy, self.movable, self.targets, self.sizes, self.maps)
         return self._look
 

@@ -91,14 +91,16 @@ class _Staged(Method):
             movable &= only
         n_movable = int(movable.sum())
         progress = Progress(self, before)
-        result, found, after = mesh, _Found(inside.at_vertices(mesh.xy)), before
+        result, found, after = mesh, _Found(mesh.xy), before
         bounds = None
         if n_movable:
             engine = threads_for(self.threads, n_movable)
             only = inside.chosen_vertices(only)
-            ground = Ground(inside, self.keep_interfaces, only, engine)
             with engine.running():
-                found = self.stages(ground, before, progress)
+                # Nothing else keeps the ground: it is the larger part of the memory of a run.
+                found = self.stages(
+                    Ground(inside, self.keep_interfaces, only, engine), before, progress
+                )
                 result = stored(mesh, inside.back(found.xy))
                 after = before if result is mesh else inside.quality(result)
             bounds = self.bounds(inside, result, after)
@@ -246,12 +248,13 @@ class Optimize(_Staged):
         if not self.max_sweeps:
             progress.spent()
             return _Found(xy)
-        lanes, given = ground.lanes, xy.copy()  # untangling may move far more than is invalid
+        lanes = ground.lanes
+        given = xy.copy() if before.n_invalid else xy  # untangling may move more than is invalid
         if before.n_invalid:
             with progress.stage(Aim.UNTANGLE):
                 untangle(ground, xy, progress)
         lanes.caps.hold(xy, self.hold, angles=not self._by_metric)
-        start = xy.copy()
+        start = xy
         with progress.stage(Aim.MEAN_SHAPE):
             few = before.n_invalid <= FEW_INVALID * lanes.topology.n_cells
             found = self._targets(inside, given, given if few else xy)
