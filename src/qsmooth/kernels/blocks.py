@@ -234,11 +234,10 @@ def row_corners(blocks: Blocks, cell_offsets: IndexArray, cell_vertices: IndexAr
 
 @helper()
 def _shape_of_row(
-    shapes: FloatArray, row_corners: IndexArray, row: int, is_quad: bool, weight: float
+    shapes: FloatArray, row_corners: IndexArray, row: int, ideal: Target, weight: float
 ) -> Target:
     """Look up the target shape at a row's corner, times what it counts; ideal without corners."""
     if row_corners.size == 0:
-        ideal = SQUARE if is_quad else EQUILATERAL
         return Target(ideal.m11 * weight, ideal.m12 * weight, ideal.m22 * weight)
     k = row_corners[row]
     return Target(shapes[k, 0] * weight, shapes[k, 1] * weight, shapes[k, 2] * weight)
@@ -280,7 +279,7 @@ def make_rows(
             ideal = SQUARE if k < n_quads else EQUILATERAL
             for row in range(first + k * size, first + (k + 1) * size):
                 c = cells[row]
-                m = _shape_of_row(shapes, row_corners, row, k < n_quads, weight[c])
+                m = _shape_of_row(shapes, row_corners, row, ideal, weight[c])
                 off = max(abs(m.m11 - ideal.m11), abs(m.m12 - ideal.m12), abs(m.m22 - ideal.m22))
                 shaped |= off > ROUNDING
                 sized |= size_weight[c] > 0.0
@@ -299,8 +298,8 @@ def make_rows(
         for row in range(first, first + size * (n_quads + np.int64(table[b, N_TRIANGLES]))):
             c = cells[row]
             if n_shapes:
-                is_quad = row < first + size * n_quads
-                m = _shape_of_row(shapes, row_corners, row, is_quad, weight[c])
+                ideal = SQUARE if row < first + size * n_quads else EQUILATERAL
+                m = _shape_of_row(shapes, row_corners, row, ideal, weight[c])
                 m11[row], m12[row], m22[row] = m.m11, m.m12, m.m22
             if n_sizes:
                 counts = size_weight[c] > 0.0 and area[c] > 0.0

@@ -88,13 +88,10 @@ class Lanes:
         """What is asked of the cells around each vertex; for `rows_for`."""
         from qsmooth.kernels.blocks import SHAPES, SIZES, WALLS, make_rows
 
-        is_ideal = self.targets.kind == "ideal" and np.array_equal(
-            self.targets.corners, ideal_corners(self.topology)
-        )
         size_weight, slim, weight = self._asked
         rows: Rows = make_rows(
             self._blocks,
-            NO_CORNERS if is_ideal else self._row_corners,
+            NO_CORNERS if self._is_ideal else self._row_corners,
             self.targets.corners,
             self.targets.area,
             size_weight,
@@ -114,6 +111,12 @@ class Lanes:
                 rows = rows._replace(near=np.ones(n_rows))
             self._rows = rows
         return rows
+
+    @cached_property
+    def _is_ideal(self) -> bool:
+        """Whether the present targets are squares and equilateral triangles."""
+        own = self.targets
+        return own.kind == "ideal" and np.array_equal(own.corners, ideal_corners(self.topology))
 
     def quality(self, xy: FloatArray) -> Quality:
         """Measure the mesh at these coordinates."""
@@ -264,7 +267,8 @@ class Lanes:
     def aim_at(self, targets: Targets) -> None:
         """Ask each cell for this shape and size from now on; takes walls on shape down."""
         self.targets, self._look = targets, None
-        self.__dict__.pop("_ahead", None)
+        for found in ("_ahead", "_is_ideal"):
+            self.__dict__.pop(found, None)
         self.maps = np.empty((0, 3)) if targets.maps is None else targets.maps
         counts = targets.size_weight > 0.0
         inv_area = np.divide(1.0, targets.area, out=np.zeros(counts.size), where=counts)

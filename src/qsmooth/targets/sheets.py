@@ -110,7 +110,7 @@ class Sheets:
             guessed = np.maximum(own, links) >= 2 * self.n_quads
             joined &= ~guessed | (np.abs(self.along[own] - self.along[links]) < PAIR_CHANGE)
         links[~joined] = -1
-        return links
+        return np.asarray(links)
 
     def _ends(self, links: IndexArray, is_wall: BoolArray) -> BoolArray:
         """Whether the first and last side that each sheet crosses are on the boundary."""
