@@ -197,8 +197,11 @@ class Case:
         self.sizes = np.ones(mesh.n_vertices)
         self.moves = np.empty(self.blocks.vertices.size)
         lanes = Lanes(mesh.topology, self.stars, threads_for(1, self.stars.vertices.size))
-        lanes.aim_at(ideal(mesh.topology))
-        self.held, self.rows = lanes.caps.swept, lanes._rows
+        # With maps, so that all has rows: these are for mapped sweeps too.
+        no_maps = np.tile([1.0, 0.0, 1.0], (mesh.n_cells, 1))
+        lanes.aim_at(ideal(mesh.topology)._replace(maps=no_maps))
+        wall = Wall(WEIGHT, THRESHOLD, SQUARINGS)
+        self.held, self.rows = lanes.caps.swept, lanes.rows_for(wall)
 
     def by_blocks(self):
         xy = self.mesh.xy.copy()

@@ -195,10 +195,12 @@ class Slider:
         maps: FloatArray | None = None,
     ) -> Asked:
         """Put together what is asked of cells, as `blocks.make_rows` takes it; and their maps."""
-        from qsmooth.kernels.blocks import make_rows
+        from qsmooth.kernels.blocks import SHAPES, SIZES, WALLS, make_rows
         from qsmooth.kernels.mapped_sweep import Maps
 
-        rows = make_rows(self.blocks, self._row_corners, corners, area, size_weight, slim, weight)
+        every = SHAPES | SIZES | WALLS
+        asked = self._row_corners, corners, area, size_weight, slim, weight, every
+        rows = make_rows(self.blocks, *asked)
         n_rows = self.blocks.cells.size
         identity = np.repeat([[1.0], [0.0], [1.0]], n_rows, axis=1)
         own = identity if maps is None else maps[self.blocks.cells].T.copy()

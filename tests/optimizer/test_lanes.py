@@ -108,6 +108,30 @@ def test_walls_of_layers_get_no_looser_and_their_sizes_count_more():
     assert np.array_equal(heavier, targets.is_layer[seen] & (targets.size_weight[seen] > 0.0))
 
 
+# ------------------------------------------------------------------------------- rows
+
+
+def test_rows_are_there_from_when_a_sweep_reads_them():
+    mesh = random_mesh("mixed", 5, seed=1).mesh
+    lanes = lanes_of(mesh)
+    assert [values.size for values in lanes.rows_for(NO_WALL)[1:]] == [0] * 8
+    rows, n = lanes.rows_for(Wall(1.0, 1.5, 3)), lanes._blocks.cells.size
+    assert [values.size for values in rows[1:]] == [0] * 6 + [n, n]
+    assert (rows.near == 1.0).all()
+    assert not rows.slim.any()
+    lanes.weigh_good(mesh.xy)
+    assert [values.size for values in lanes.rows_for(NO_WALL)[1:]] == [n] * 3 + [0] * 5
+    lanes.aim_at(initial(mesh.topology, mesh.xy)._replace(size_weight=np.ones(mesh.n_cells)))
+    assert [values.size for values in lanes.rows_for(NO_WALL)[4:]] == [n] * 3 + [0] * 2
+
+
+def test_sweeps_in_a_mapped_plane_have_all_rows():
+    mesh = random_mesh("mixed", 4, seed=1).mesh
+    maps = np.tile([1.0, 0.0, 1.0], (mesh.n_cells, 1))
+    lanes = lanes_of(mesh, ideal(mesh.topology)._replace(maps=maps))
+    assert {values.size for values in lanes.rows_for(NO_WALL)[1:]} == {lanes._blocks.cells.size}
+
+
 # ------------------------------------------------------------------------------- walls on corners
 
 

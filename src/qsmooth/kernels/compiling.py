@@ -45,6 +45,11 @@ def compiled_kernels() -> int:
     return _Count.value
 
 
+def inside_another() -> bool:
+    """Whether what compiles now is called by a kernel that began to compile before it."""
+    return _compiling.depth > 1
+
+
 def begin(of_ours: bool) -> bool:
     """Note that something begins to compile, maybe inside what compiles already.
 

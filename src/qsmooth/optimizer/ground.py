@@ -88,6 +88,10 @@ class Ground:
         """All of them in lanes; made when they are first wanted."""
         return self.lanes_of(self.movable)
 
+    def forget(self) -> None:
+        """Let go of the lanes; they are made anew where they are wanted again."""
+        self.__dict__.pop("lanes", None)
+
     def lanes_of(self, vertices: BoolArray) -> Lanes:
         """Put only these in lanes, (n_vertices,)."""
         slider = None if self.slider is None else self.slider.only(vertices)

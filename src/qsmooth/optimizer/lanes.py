@@ -21,7 +21,7 @@ from qsmooth.optimizer.look import Look
 from qsmooth.optimizer.progress import ROUND, Progress
 from qsmooth.sliding import Asked, Slider
 from qsmooth.sums import exact_sum
-from qsmooth.targets import Targets, beside_others
+from qsmooth.targets import Targets, beside_others, ideal_corners
 from qsmooth.topology import Topology
 
 if TYPE_CHECKING:
@@ -40,6 +40,8 @@ LAYER_WEIGHT = 3.0
 # of the layer: at the trailing edge of an airfoil 1.9 times of it, and now 1.3. In triangles of
 # layers too: their smallest angle is their height over their length.
 BORDER_WEIGHT = 100.0
+# Stands for the corners of the rows where these ask for ideal shapes.
+NO_CORNERS = np.empty(0, np.int64)
 # Where an extrapolation is forbidden vertices are put back so often before it is given up.
 PUT_BACK = 12
 # Multiple of the Newton step that is tried first: neighbours follow the same way in their turn.
@@ -112,18 +114,19 @@ class Lanes:
 
     @cached_property
     def _rows(self) -> Rows:
-        """What is asked of the cells around each vertex."""
-        from qsmooth.kernels.blocks import make_rows
+        """What is asked of the cells around each vertex; for `rows_for`."""
+        from qsmooth.kernels.blocks import SHAPES, SIZES, WALLS, make_rows
 
         size_weight, slim, weight = self._asked
         rows: Rows = make_rows(
             self._blocks,
-            self._row_corners,
+            NO_CORNERS if self._is_ideal else self._row_corners,
             self.targets.corners,
             self.targets.area,
             size_weight,
             slim,
             weight,
+            0 if self.targets.maps is None else SHAPES | SIZES | WALLS,
         )
         return rows
 
@@ -133,6 +136,23 @@ class Lanes:
         size_weight, slim, weight = self._asked
         targets, slider = self.targets, cast("Slider", self._slider)
         return slider.ask(targets.corners, targets.area, size_weight, slim, weight, targets.maps)
+
+    def rows_for(self, wall: Wall) -> Rows:
+        """What is asked of the cells around each vertex, with all that sweeps with a wall read."""
+        rows, n_rows = self._rows, self._blocks.cells.size
+        if math.isfinite(wall.threshold):
+            if not rows.slim.size:
+                rows = rows._replace(slim=np.zeros(n_rows))
+            if not rows.near.size:
+                rows = rows._replace(near=np.ones(n_rows))
+            self._rows = rows
+        return rows
+
+    @cached_property
+    def _is_ideal(self) -> bool:
+        """Whether the present targets are squares and equilateral triangles."""
+        own = self.targets
+        return own.kind == "ideal" and np.array_equal(own.corners, ideal_corners(self.topology))
 
     def quality(self, xy: FloatArray) -> Quality:
         """Measure the mesh at these coordinates."""
@@ -264,7 +284,7 @@ class Lanes:
 
         Only blocks that are `selected` are swept, where these and `Rows.asks` of them are given.
         """
-        blocks, rows = self._blocks, self._rows
+        blocks, rows = self._blocks, self.rows_for(wall)
         if selected is not None:
             blocks, rows = selected[0], rows._replace(asks=selected[1])
         if self.targets.maps is None:
@@ -318,8 +338,8 @@ class Lanes:
     def aim_at(self, targets: Targets) -> None:
         """Ask each cell for this shape and size from now on; takes walls on shape down."""
         self.targets, self._look = targets, None
-        self.__dict__.pop("_ahead", None)
-        self.__dict__.pop("_row_maps", None)
+        for found in ("_ahead", "_row_maps", "_is_ideal"):
+            self.__dict__.pop(found, None)
         self.maps = np.empty((0, 3)) if targets.maps is None else targets.maps
         counts = targets.size_weight > 0.0
         inv_area = np.divide(1.0, targets.area, out=np.zeros(counts.size), where=counts)
@@ -381,6 +401,7 @@ class Lanes:
     def look(self, xy: FloatArray) -> Look:
         """Measure the cells at these coordinates; the last look is kept, and used again."""
         if self._look is None or not self._look.is_of(xy):
+            self._look = None  # it is as large as the next one
             self._look = Look(self.topology, xy, self.movable, self.targets, self.sizes, self.maps)
         return self._look
 

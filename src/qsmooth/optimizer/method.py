@@ -91,13 +91,14 @@ class _Staged(Method):
         freedom = self.freedom(mesh)
         movable, n_movable = freedom.movable, freedom.n_movable
         progress = Progress(self, before, started)
-        result, found, after = mesh, _Found(inside.at_vertices(mesh.xy)), before
+        result, found, after = mesh, _Found(mesh.xy), before
         bounds = None
         if n_movable:
             engine = threads_for(self.threads, n_movable)
             ground = Ground(inside, freedom.inside(inside), engine, meant)
             with engine.running():
                 found = self.stages(ground, before, progress)
+                ground.forget()  # the larger part of the memory of a run
                 result = stored(mesh, inside.back(found.xy), freedom)
                 after = before if result is mesh else inside.quality(result)
             bounds = self.bounds(ground, result, after)
@@ -247,12 +248,13 @@ class Optimize(_Staged):
         if not self.max_sweeps:
             progress.spent()  # notes that no sweep is why it stops
             return _Found(xy)
-        lanes, given = ground.lanes, xy.copy()  # untangling may move far more than is invalid
+        lanes = ground.lanes
+        given = xy.copy() if before.n_invalid else xy  # untangling may move more than is invalid
         if before.n_invalid:
             with progress.stage(Aim.UNTANGLE):
                 untangle(ground, xy, progress)
         lanes.caps.hold(xy, self.hold, angles=not self.by_metric)
-        start = xy.copy()
+        start = xy
         with progress.stage(Aim.MEAN_SHAPE):
             meant = ground.meant
             if meant is None:
