@@ -165,8 +165,8 @@ def test_vectors_of_any_length_are_directions():
     made = Constraints(directions=given_).directions
     assert made[:3] == pytest.approx(np.array([[0.6, 0.8], [1.0, 0.0], [0.0, -1.0]]))
     assert np.isnan(made[3]).all()
-    assert Constraints(directions="3, 4").directions.tolist() == [0.6, 0.8]
-    assert Constraints(directions=(0, -2)).directions.tolist() == [0.0, -1.0]
+    assert Constraints(directions="3, 4").directions == (0.6, 0.8)
+    assert Constraints(directions=(0, -2)).directions == (0.0, -1.0)
 
 
 def test_directions_of_the_file_also_in_a_tilted_plane(mesh, tmp_path):

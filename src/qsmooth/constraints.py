@@ -13,7 +13,13 @@ from qsmooth.mesh import Mesh
 from qsmooth.metrics.bounds import Kept, kept_by
 from qsmooth.numbering import Inside
 from qsmooth.options import Options, opaque, option
-from qsmooth.selection import parse_selection, read_ids, select_cells, select_vertices
+from qsmooth.selection import (
+    parse_selection,
+    parse_vertices,
+    read_ids,
+    select_cells,
+    select_vertices,
+)
 from qsmooth.vectors import directions_of, parse_directions, shortest_edges, transition
 
 # Of the largest coordinate of points in a tilted plane: more than their rounding.
@@ -114,6 +120,7 @@ class Constraints(Options):
     fixed: Any = opaque(
         None,
         metavar="VERTICES",
+        parse=parse_vertices,
         help="Vertices that stay besides those that do anyway: ids, as in 3,7,12 (in Python also a "
         "mask); conditions, as in 'x < 0 and y >= 1.5'; or what the file has by name: point sets, "
         "physical groups, markers, cell sets.",

@@ -38,6 +38,7 @@ from qsmooth.kernels.lanes import (
     LaneRange,
     X,
     Y,
+    confine_lanes,
     gather_block,
     newton_step,
     start_trial,
@@ -173,14 +174,17 @@ def _move_block(
             add_size(star_xy, s, at, at + ROW2, n, sizes, k_row, weight)
         take_back(own, n, maps, k_row, s)
     left = newton_step(s, n)
-    if confined(rails):
+    on_rails = confined(rails)
+    if on_rails:
         left = steps_on_rails(s, vertices, block.first, n, rails)
     everyone = (n - n, n)  # of one type
     fraction = relaxation
     for attempt in range(len(FRACTIONS) + 1):
         if left == 0.0:
             break
-        start_trial(s, everyone, fraction, vertices, block.first, rails)
+        start_trial(s, everyone, fraction)
+        if on_rails:
+            confine_lanes(s, PX, PY, everyone, vertices, block.first, rails)
         for k in range(quads + triangles):
             at, k_row = min(k, quads) * ROW2 + k * ROW4, row + k * n
             map_trial(s, everyone, maps, k_row, own)

@@ -43,6 +43,7 @@ from qsmooth.kernels.lanes import (
     X,
     Y,
     add_energy,
+    confine_lanes,
     gather_block,
     newton_step,
     start_trial,
@@ -154,14 +155,17 @@ def _move_block(
     for k in range(triangles):
         add_triangle(star_xy, s, triangle_rows + k * ROW4, n)
     left = newton_step(s, n)
-    if confined(rails):
+    on_rails = confined(rails)
+    if on_rails:
         left = steps_on_rails(s, vertices, block.first, n, rails)
     everyone = (n - n, n)  # of one type
     fraction = relaxation
     for attempt in range(len(FRACTIONS) + 1):
         if left == 0.0:
             break
-        start_trial(s, everyone, fraction, vertices, block.first, rails)
+        start_trial(s, everyone, fraction)
+        if on_rails:
+            confine_lanes(s, PX, PY, everyone, vertices, block.first, rails)
         for k in range(quads):
             try_quad(star_xy, s, k * ROW6, n)
         for k in range(triangles):

@@ -136,9 +136,8 @@ class SweepingMethod(Method):
         """Sweep until every vertex rests, quality no longer improves, or no more is allowed."""
         inside = Inside(mesh, kept=not self.max_sweeps)
         before = inside.quality(mesh)
-        cut = self._cut(mesh)
+        freedom, cut = self.freedom(mesh), self._cut(mesh)
         swept = inside if cut is mesh else Inside(cut, inside, kept=not self.max_sweeps)
-        freedom = self.freedom(mesh)
         selected = freedom.cells
         if selected is not None and cut is not mesh:
             selected = np.repeat(selected, mesh.topology.cell_sizes - 2)
