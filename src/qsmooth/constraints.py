@@ -14,6 +14,7 @@ from qsmooth.metrics.bounds import Kept, kept_by
 from qsmooth.numbering import Inside
 from qsmooth.options import Options, opaque, option
 from qsmooth.selection import (
+    check_vertices,
     parse_selection,
     parse_vertices,
     read_ids,
@@ -179,6 +180,8 @@ class Constraints(Options):
         super().__post_init__()
         if isinstance(self.selection, str):
             parse_selection(self.selection)
+        if self.fixed is not None:
+            check_vertices(self.fixed)
         if self.directions is not None:
             object.__setattr__(self, "directions", parse_directions(self.directions))
 

@@ -194,6 +194,21 @@ def parse_vertices(text: str) -> list[int] | str:
     return _ids(text) if _IDS.fullmatch(text) else text
 
 
+def check_vertices(given: Any) -> None:
+    """Refuse what can be no vertices of any mesh.
+
+    Raises
+    ------
+    OptionError
+        If it is neither text, nor several, nor ids, nor a mask.
+    """
+    if isinstance(given, str) or _are_texts(given):
+        return
+    array = np.asarray(given)
+    if array.size and (array.dtype.kind not in "biu" or array.ndim != 1):
+        raise OptionError(f"`fixed` must be vertex ids, {_OTHERWISE['fixed']}")
+
+
 def select_vertices(mesh: Mesh, given: Any) -> BoolArray:
     """Mark vertices: those of an option such as `fixed`.
 
@@ -215,7 +230,7 @@ def select_vertices(mesh: Mesh, given: Any) -> BoolArray:
     """
     if isinstance(given, str):
         return _by_text(mesh, given)
-    if isinstance(given, (list, tuple)) and given and all(isinstance(t, str) for t in given):
+    if _are_texts(given):
         chosen: BoolArray = np.logical_or.reduce([_by_text(mesh, text) for text in given])
         return chosen
     return marked(np.asarray(given), mesh.n_vertices, "vertex", "fixed")
@@ -299,6 +314,14 @@ def _by_conditions(mesh: Mesh, text: str) -> BoolArray:
                 f"and names; {_listed('names', known)}; got {text!r}{did_you_mean(text, known)}"
             ) from None
     return chosen
+
+
+def _are_texts(given: Any) -> bool:
+    return (
+        isinstance(given, (list, tuple))
+        and bool(given)
+        and all(isinstance(text, str) for text in given)
+    )
 
 
 def _ids(text: str) -> list[int]:
