@@ -15,7 +15,7 @@ from qsmooth.mesh import Mesh
 from qsmooth.options import OptionError
 from qsmooth.selection import vertices_of
 
-_NUMBERS = re.compile(r"\s*([-+.\deE]+)\s*,\s*([-+.\deE]+)\s*(?:,\s*([-+.\deE]+)\s*)?")
+_NUMBERS = re.compile(r"\s*([-+.\deE]+)\s*,\s*([-+.\deE]+)\s*")
 
 
 def parse_directions(given: Any) -> Any:
@@ -30,7 +30,7 @@ def parse_directions(given: Any) -> Any:
         match = _NUMBERS.fullmatch(given)
         if match is None:
             return given
-        given = [_number(word) for word in match.groups()[:2]]
+        given = [_number(word) for word in match.groups()]
     try:
         array = np.array(given, np.float64)
     except (TypeError, ValueError):
