@@ -15,6 +15,8 @@ from qsmooth.mesh import Mesh, MeshLike, as_mesh
 
 # From so many places on all threads look for them.
 PARALLEL_FROM = 100_000
+# Bins along a side at most.
+MOST_BINS = 4096.0
 # An edge may sweep over this share of the smaller of its two cells in one step; and the most steps.
 SWEPT, MOST_STEPS = 0.25, 100
 
@@ -95,7 +97,7 @@ def _by_bins(
     from qsmooth.kernels import bins as kernels
 
     low, span = mesh.xy.min(axis=0), np.ptp(mesh.xy, axis=0)
-    size = max(float(span.max()) / 4096.0, float(np.sqrt(span.prod() / mesh.n_cells)))
+    size = max(float(span.max()) / MOST_BINS, float(np.sqrt(span.prod() / mesh.n_cells))) or 1.0
     while True:
         shape = int(span[0] / size) + 1, int(span[1] / size) + 1
         bins = kernels.build_bins(mesh.xy, *mesh.topology.cells, low, size, shape)
