@@ -9,6 +9,7 @@ import pytest
 
 from meshes import grid, rough_grid, tangle
 from qsmooth import Mesh, Star, compare, from_meshio, quality, smooth, to_meshio, transfer, untangle
+from qsmooth.adapters.meshio_mesh import back
 from qsmooth.examples import lake
 from qsmooth.options import OptionError
 
@@ -128,6 +129,16 @@ def test_point_data_is_interpolated_where_it_is_named(with_data):
         assert np.array_equal(found[name], data[name])
     assert np.array_equal(to_meshio(mesh).point_data["bed"], data["bed"])  # the input's own
     assert [record.name for record in result.outcome.carried] == ["bed", "flow", "single"]
+
+
+def test_a_mesh_of_meshio_gets_it_back(with_data):
+    mesh, data = with_data
+    given = to_meshio(mesh)
+    result = smooth(given, "star", interpolate="bed", **FEW)
+    got = back(result.mesh, given)
+    np.testing.assert_allclose(got.point_data["bed"], bed(got.points), rtol=1e-14)
+    assert np.array_equal(got.point_data["same"], data["same"])
+    assert np.array_equal(given.point_data["bed"], data["bed"])
 
 
 def test_a_second_smoothing_goes_on_from_the_first(with_data):

@@ -15,6 +15,8 @@ from qsmooth.mesh import Mesh, MeshLike, as_mesh
 
 # From so many places on all threads look for them.
 PARALLEL_FROM = 100_000
+# Bins along a side at most.
+MOST_BINS = 4096.0
 # An edge may sweep over this share of the smaller of its two cells in one step; and the most steps.
 SWEPT, MOST_STEPS = 0.25, 100
 
@@ -95,7 +97,7 @@ def _by_bins(
     from qsmooth.kernels import bins as kernels
 
     low, span = mesh.xy.min(axis=0), np.ptp(mesh.xy, axis=0)
-    size = max(float(span.max()) / 4096.0, float(np.sqrt(span.prod() / mesh.n_cells)))
+    size = max(float(span.max()) / MOST_BINS, float(np.sqrt(span.prod() / mesh.n_cells))) or 1.0
     while True:
         shape = int(span[0] / size) + 1, int(span[1] / size) + 1
         bins = kernels.build_bins(mesh.xy, *mesh.topology.cells, low, size, shape)
@@ -229,24 +231,11 @@ def _means(old: Mesh, new_xy: FloatArray, values: FloatArray) -> FloatArray:
 
 def _moments(mesh: Mesh, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Centroids, (n_cells, 2), and areas; where an area is 0 the mean of the corners."""
-    first = np.repeat(xy[mesh.cell_vertices[mesh.cell_offsets[:-1]]], mesh.topology.cell_sizes, 0)
-    here = xy[mesh.cell_vertices] - first
-    there = xy[mesh.cell_vertices[_following(mesh)]] - first
-    parts = 0.5 * (here[:, 0] * there[:, 1] - here[:, 1] * there[:, 0])
-    starts = mesh.cell_offsets[:-1]
-    areas = np.add.reduceat(parts, starts)
-    moments = np.add.reduceat(parts[:, None] * (here + there), starts) / 3.0
-    means = np.add.reduceat(here, starts) / mesh.topology.cell_sizes[:, None]
-    flat = areas == 0.0
-    inside = np.where(flat[:, None], means, moments / np.where(flat, 1.0, areas)[:, None])
-    return inside + first[starts], areas
+    from qsmooth.kernels.swept import cell_moments
 
-
-def _following(mesh: Mesh) -> IndexArray:
-    """Position of the next corner of the cell for each corner position, (n_corners,)."""
-    following = np.arange(1, mesh.cell_vertices.size + 1)
-    following[mesh.cell_offsets[1:] - 1] = mesh.cell_offsets[:-1]
-    return following
+    centres, areas = np.empty((mesh.n_cells, 2)), np.empty(mesh.n_cells)
+    cell_moments(read_only(xy), mesh.topology.cells, centres, areas)
+    return centres, areas
 
 
 def _slopes(mesh: Mesh, centres: FloatArray, values: FloatArray) -> FloatArray:
@@ -261,68 +250,49 @@ def _slopes(mesh: Mesh, centres: FloatArray, values: FloatArray) -> FloatArray:
 
 def _conserved(old: Mesh, new_xy: FloatArray, values: FloatArray) -> FloatArray:
     """Move the edges in steps, and through each what it has swept over."""
-    n_steps = _steps(old, new_xy)
-    way = [old.xy + (k / n_steps) * (new_xy - old.xy) for k in range(1, n_steps)]
-    for here, there in itertools.pairwise([old.xy, *way, new_xy]):
-        values = _swept(old, here, there, values)
+    from qsmooth.kernels.swept import exchange
+
+    topology = old.topology
+    way = _way(old, new_xy)
+    centres, areas = _moments(old, way[0])
+    for here, there in itertools.pairwise(way):
+        slopes, gained = _slopes(old, centres, values), np.empty_like(values)
+        exchange(
+            read_only(here),
+            read_only(there),
+            topology.cells,
+            topology.twins,
+            topology.corner_cells,
+            centres,
+            values,
+            slopes,
+            gained,
+        )
+        sums = areas[:, None] * values + gained
+        centres, areas = _moments(old, there)
+        values = sums / areas[:, None]
     return values
 
 
-def _steps(mesh: Mesh, new_xy: FloatArray) -> int:
-    """How many steps to take: one where cells have no area on the way."""
-    inner, sides, areas = *_inner_sides(mesh), _moments(mesh, mesh.xy)[1]
-    if not (areas > 0.0).all() or not (_moments(mesh, new_xy)[1] > 0.0).all():
+def _way(old: Mesh, new_xy: FloatArray) -> list[FloatArray]:
+    """Coordinates step by step; in one step where cells have no area on the way."""
+    from qsmooth.kernels.swept import swept_shares
+
+    topology, areas = old.topology, _moments(old, old.xy)[1]
+    if not (areas > 0.0).all() or not (_moments(old, new_xy)[1] > 0.0).all():
         raise ValueError("conserve=True is for meshes whose cells all have a positive area")
-    if not inner.size:
-        return 1
-    swept = np.abs(_swept_regions(mesh, mesh.xy, new_xy, inner)[0])
-    least = np.minimum(areas[sides[0]], areas[sides[1]])
-    n_steps = min(MOST_STEPS, max(1, int(np.ceil(float((swept / least).max()) / SWEPT))))
-    for k in range(1, n_steps):
-        if not (_moments(mesh, mesh.xy + (k / n_steps) * (new_xy - mesh.xy))[1] > 0.0).all():
-            return 1
-    return n_steps
-
-
-def _inner_sides(mesh: Mesh) -> tuple[IndexArray, tuple[IndexArray, IndexArray]]:
-    """One side of each edge between two cells, and its two cells: on its left, on its right."""
-    twins, cells = mesh.topology.twins, mesh.topology.corner_cells
-    inner = np.flatnonzero(twins > np.arange(twins.size))
-    return inner, (cells[inner], cells[twins[inner]])
-
-
-def _swept_regions(
-    mesh: Mesh, here: FloatArray, there: FloatArray, sides: IndexArray
-) -> tuple[FloatArray, FloatArray]:
-    """Signed area that each side sweeps over, and its first moment as seen from the side's start.
-
-    Positive where the cell on the left of the side gains.
-    """
-    a = mesh.cell_vertices[sides]
-    b = mesh.cell_vertices[_following(mesh)[sides]]
-    corners = [xy - here[a] for xy in (here[b], here[a], there[a], there[b])]
-    area, moment = np.zeros(len(sides)), np.zeros((len(sides), 2))
-    for u, w in itertools.pairwise([*corners, corners[0]]):
-        part = 0.5 * (u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0])
-        area += part
-        moment += part[:, None] * (u + w) / 3.0
-    return area, moment
-
-
-def _swept(mesh: Mesh, here: FloatArray, there: FloatArray, values: FloatArray) -> FloatArray:
-    """One step: each edge carries what it sweeps over from one of its cells to the other."""
-    centres, areas = _moments(mesh, here)
-    _, new_areas = _moments(mesh, there)
-    slopes = _slopes(mesh, centres, values)
-    inner, (left, right) = _inner_sides(mesh)
-    area, moment = _swept_regions(mesh, here, there, inner)
-    donor = np.where(area > 0.0, right, left)
-    # The region's first moment about the donor's centroid.
-    arm = moment + area[:, None] * (here[mesh.cell_vertices[inner]] - centres[donor])
-    through = area[:, None] * values[donor] + (slopes[donor] * arm[:, None, :]).sum(axis=2)
-    # Twins lose what sides gain, to the bit.
-    at_corners = np.zeros((mesh.cell_vertices.size, values.shape[1]))
-    at_corners[inner] = through
-    at_corners[mesh.topology.twins[inner]] = -through
-    gained = np.add.reduceat(at_corners, mesh.cell_offsets[:-1])
-    return (areas[:, None] * values + gained) / new_areas[:, None]
+    shares = np.empty(old.n_cells)
+    swept_shares(
+        old.xy,
+        read_only(new_xy),
+        topology.cells,
+        topology.twins,
+        topology.corner_cells,
+        areas,
+        shares,
+    )
+    n_steps = int(min(MOST_STEPS, max(1.0, np.ceil(shares.max() / SWEPT))))
+    between = [old.xy + (k / n_steps) * (new_xy - old.xy) for k in range(1, n_steps)]
+    if not all((_moments(old, xy)[1] > 0.0).all() for xy in between):
+        between = []
+    return [old.xy, *between, new_xy]

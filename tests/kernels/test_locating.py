@@ -123,6 +123,8 @@ def test_folds_are_left_out_and_the_nearest_cell_counts():
 def test_no_cell_is_found_where_all_are_folded():
     mesh = Mesh(np.array([(0, 0), (1, 0), (2, 0)], float), [[0, 1, 2]])
     assert at(mesh, [(1.0, 0.0)]).cells.tolist() == [-1]
+    point = Mesh(np.zeros((3, 2)), [[0, 1, 2]])
+    assert at(point, [(1.0, 0.0)]).cells.tolist() == [-1]
 
 
 def test_cells_that_are_all_over_each_other_share_few_bins():
