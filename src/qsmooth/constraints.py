@@ -40,6 +40,9 @@ class Freedom:
         Unit vectors along which alone they may move, NaN for any direction; None for all.
     rounding
         A length that a move may grow by when it is stored: in a tilted plane.
+    by_edge : (n_vertices,) or None
+        What share of its shortest edge each may come, infinite for any; None for all. That is in
+        `reach` already, as the edges were.
     """
 
     movable: BoolArray
@@ -49,6 +52,7 @@ class Freedom:
     reach: FloatArray | None = None
     directions: FloatArray | None = None
     rounding: float = 0.0
+    by_edge: FloatArray | None = None
 
     @property
     def n_movable(self) -> int:
@@ -73,6 +77,7 @@ class Freedom:
             origin=inside.at_vertices(self.origin),
             reach=None if self.reach is None else inside.at_vertices(self.reach),
             directions=None if self.directions is None else inside.at_vertices(self.directions),
+            by_edge=None if self.by_edge is None else inside.at_vertices(self.by_edge),
         )
 
     def rails(self) -> Rails:
@@ -194,35 +199,42 @@ class Constraints(Options):
             chosen = select_cells(mesh, self.selection)
             cells, shares = transition(mesh, chosen, self.selection_rings)
             kept.append(("vertices outside the selection", shares == 0.0))
+        by_edge = self._by_edge(mesh, shares)
         return Freedom(
             movable=~np.logical_or.reduce([marks for _, marks in kept]),
             kept=tuple(kept),
             cells=cells,
             origin=mesh.xy,
-            reach=self._reach(mesh, shares),
+            reach=self._reach(mesh, by_edge),
             directions=None if self.directions is None else directions_of(mesh, self.directions),
             rounding=0.0 if mesh.plane is None else ROUNDING * float(np.abs(mesh.points).max()),
+            by_edge=by_edge,
         )
 
-    def _reach(self, mesh: Mesh, shares: FloatArray | None) -> FloatArray | None:
-        """How far each vertex may come from where it is, (n_vertices,).
+    def _by_edge(self, mesh: Mesh, shares: FloatArray | None) -> FloatArray | None:
+        """What share of its shortest edge each vertex may come, (n_vertices,).
 
         Parameters
         ----------
         shares : (n_vertices,) or None
             As `transition` gives them.
         """
-        in_rings = shares is not None and self.selection_rings > 0
-        if self.max_move is None and self.max_move_share is None and not in_rings:
+        if self.max_move_share is None and (shares is None or self.selection_rings == 0):
             return None
-        reach = np.full(mesh.n_vertices, np.inf if self.max_move is None else self.max_move)
         by_edge = np.full(mesh.n_vertices, np.inf)
         if self.max_move_share is not None:
             by_edge[:] = self.max_move_share
         if shares is not None:
             by_edge = np.where(shares > 0.0, np.minimum(by_edge, shares), by_edge)
-        limited = np.isfinite(by_edge)
-        if limited.any():
+        return by_edge
+
+    def _reach(self, mesh: Mesh, by_edge: FloatArray | None) -> FloatArray | None:
+        """How far each vertex may come from where it is, (n_vertices,)."""
+        if self.max_move is None and by_edge is None:
+            return None
+        reach = np.full(mesh.n_vertices, np.inf if self.max_move is None else self.max_move)
+        limited = np.isfinite(by_edge) if by_edge is not None else np.zeros(0, np.bool_)
+        if by_edge is not None and limited.any():
             with np.errstate(over="ignore"):
                 edges = by_edge[limited] * shortest_edges(mesh)[limited]
             reach[limited] = np.minimum(reach[limited], edges)

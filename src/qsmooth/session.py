@@ -27,7 +27,7 @@ from qsmooth.smoothing import method_of
 from qsmooth.targets import Targets
 
 # Sweeps that a step makes at most if nothing else is said.
-STEP_SWEEPS = 4
+STEP_SWEEPS = 3
 
 
 class Smoother:

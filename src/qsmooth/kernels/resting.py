@@ -81,6 +81,79 @@ def take_in(given: FloatArray, xy: FloatArray, largest: float, changed: BoolArra
 
 
 @kernel()
+def host_factor(
+    given: FloatArray, xy: FloatArray, moves: FloatArray, movable: BoolArray
+) -> tuple[float, float]:
+    """Compare how far the vertices that do not move by themselves come with the step before.
+
+    Parameters
+    ----------
+    given, xy, moves : (n_vertices, 2)
+        Where they are put, where they were, and how far they came in the step before.
+    movable : (n_vertices,)
+        Those that do not count.
+
+    Returns
+    -------
+    factor
+        Multiple of the step before that comes nearest, 0 where nothing moved in one of the two.
+    likeness
+        Square of the cosine between the two.
+    """
+    now, before, both = 0.0, 0.0, 0.0
+    for v in range(movable.size):
+        if not movable[v]:
+            x, y = given[v, 0] - xy[v, 0], given[v, 1] - xy[v, 1]
+            now += x * x + y * y
+            before += moves[v, 0] * moves[v, 0] + moves[v, 1] * moves[v, 1]
+            both += x * moves[v, 0] + y * moves[v, 1]
+    if now * before > 0.0:
+        return both / before, both * both / (now * before)
+    return 0.0, 0.0
+
+
+@kernel()
+def follow(
+    xy: FloatArray,
+    moves: FloatArray,
+    factor: float,
+    movable: BoolArray,
+    changed: BoolArray,
+    ring_offsets: IndexArray,
+    ring_vertices: IndexArray,
+    rtol: float,
+    out: FloatArray,
+) -> None:
+    """Let vertices go on as in the step before, but for those that the host has moved.
+
+    Parameters
+    ----------
+    xy, moves : (n_vertices, 2)
+        Where they are, and how far they came.
+    factor
+        By what multiple of that they go on.
+    movable, changed : (n_vertices,)
+        Those that may, and those that the host has moved (`take_in`).
+    rtol
+        Moves of no more than this share of the shortest edge are left out.
+    out : (n_vertices, 2)
+        Overwritten.
+    """
+    for v in range(movable.size):
+        x, y = xy[v, 0], xy[v, 1]
+        out[v, 0], out[v, 1] = x, y
+        dx, dy = factor * moves[v, 0], factor * moves[v, 1]
+        if movable[v] and not changed[v] and (dx != 0.0 or dy != 0.0):
+            shortest = np.inf
+            for k in range(ring_offsets[v], ring_offsets[v + 1]):
+                w = ring_vertices[k]
+                ux, uy = xy[w, 0] - x, xy[w, 1] - y
+                shortest = min(shortest, ux * ux + uy * uy)
+            if dx * dx + dy * dy > rtol * rtol * shortest:
+                out[v, 0], out[v, 1] = x + dx, y + dy
+
+
+@kernel()
 def wake_around(
     changed: BoolArray,
     star_offsets: IndexArray,
