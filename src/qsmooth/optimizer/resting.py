@@ -39,7 +39,7 @@ class Figures:
 
     def __init__(self, topology: Topology, movable: BoolArray) -> None:
         from qsmooth.kernels.blocks import LANES
-        from qsmooth.kernels.resting import N_FIGURES
+        from qsmooth.kernels.kept_figures import N_FIGURES
 
         self._topology = topology
         self._counts = _can_change(topology, movable).astype(np.float64)
@@ -57,21 +57,21 @@ class Figures:
 
     def invalid(self) -> BoolArray:
         """Mark the cells that are not valid, (n_cells,)."""
-        from qsmooth.kernels.resting import SURE
+        from qsmooth.kernels.kept_figures import SURE
 
         return np.asarray(self._values[SURE] == 0.0)
 
     @property
     def sines(self) -> FloatArray:
         """Smallest sine of each cell's corners that can change, squared with its sign."""
-        from qsmooth.kernels.resting import LEAST_SINE
+        from qsmooth.kernels.kept_figures import LEAST_SINE
 
         sines: FloatArray = self._values[LEAST_SINE]
         return sines
 
     def look(self, xy: FloatArray) -> None:
         """Measure what has changed."""
-        from qsmooth.kernels.resting import measure_chunks, worst_figures
+        from qsmooth.kernels.kept_figures import measure_chunks, worst_figures
 
         measure_chunks(xy, *self._topology.cells, self._counts, self.dirty, self._values)
         worst = self._values, self._of_cells, self._worst
@@ -95,7 +95,7 @@ class Figures:
 
     def _decide(self, xy: FloatArray) -> int:
         """Find out which of the doubtful cells are valid; count the others."""
-        from qsmooth.kernels.resting import SURE
+        from qsmooth.kernels.kept_figures import SURE
         from qsmooth.kernels.tangles import bad_cells
 
         cells = np.flatnonzero(self._values[SURE] == 0.0)

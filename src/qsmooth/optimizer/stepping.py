@@ -278,6 +278,7 @@ class Stepper:
             if most > 0:
                 self._follow(given)
             self._confine()
+            self._left = min(self._left, figures.n_invalid)
             untangled = most > 0 and self._method.guards and figures.n_invalid > self._left
             if untangled:
                 self._untangle()
