@@ -53,6 +53,9 @@ class Freedom:
         Lines along which some of `movable` slide, of the caller's vertices; None where none does.
     tolerance
         How far an edge on these may be from its line, as a share of the edge.
+    by_edge : (n_vertices,) or None
+        What share of its shortest edge each may come, infinite for any; None for all. That is in
+        `reach` already, as the edges were.
     """
 
     movable: BoolArray
@@ -64,6 +67,7 @@ class Freedom:
     rounding: float = 0.0
     chains: Chains | None = None
     tolerance: float = 0.0
+    by_edge: FloatArray | None = None
 
     @property
     def n_movable(self) -> int:
@@ -88,6 +92,7 @@ class Freedom:
             origin=inside.at_vertices(self.origin),
             reach=None if self.reach is None else inside.at_vertices(self.reach),
             directions=None if self.directions is None else inside.at_vertices(self.directions),
+            by_edge=None if self.by_edge is None else inside.at_vertices(self.by_edge),
         )
 
     def rails(self) -> Rails:
@@ -232,16 +237,18 @@ class Constraints(Options):
             slide = chains.sliding(mesh.n_vertices)
         own = kept_by(topology, self.keep_interfaces)
         kept = [*((words, marks & ~slide) for words, marks in own), *kept]
+        by_edge = self._by_edge(mesh, shares)
         return Freedom(
             movable=~np.logical_or.reduce([marks for _, marks in kept]),
             kept=tuple(kept),
             cells=cells,
             origin=mesh.xy,
-            reach=self._reach(mesh, shares),
+            reach=self._reach(mesh, by_edge),
             directions=directions,
             rounding=0.0 if mesh.plane is None else ROUNDING * float(np.abs(mesh.points).max()),
             chains=chains,
             tolerance=self.outline_tolerance,
+            by_edge=by_edge,
         )
 
     def _chains(self, mesh: Mesh, stays: list[BoolArray]) -> Chains | None:
@@ -261,25 +268,30 @@ class Constraints(Options):
         )
         return chains if chains.inner.size else None
 
-    def _reach(self, mesh: Mesh, shares: FloatArray | None) -> FloatArray | None:
-        """How far each vertex may come from where it is, (n_vertices,).
+    def _by_edge(self, mesh: Mesh, shares: FloatArray | None) -> FloatArray | None:
+        """What share of its shortest edge each vertex may come, (n_vertices,).
 
         Parameters
         ----------
         shares : (n_vertices,) or None
             As `transition` gives them.
         """
-        in_rings = shares is not None and self.selection_rings > 0
-        if self.max_move is None and self.max_move_share is None and not in_rings:
+        if self.max_move_share is None and (shares is None or self.selection_rings == 0):
             return None
-        reach = np.full(mesh.n_vertices, np.inf if self.max_move is None else self.max_move)
         by_edge = np.full(mesh.n_vertices, np.inf)
         if self.max_move_share is not None:
             by_edge[:] = self.max_move_share
         if shares is not None:
             by_edge = np.where(shares > 0.0, np.minimum(by_edge, shares), by_edge)
-        limited = np.isfinite(by_edge)
-        if limited.any():
+        return by_edge
+
+    def _reach(self, mesh: Mesh, by_edge: FloatArray | None) -> FloatArray | None:
+        """How far each vertex may come from where it is, (n_vertices,)."""
+        if self.max_move is None and by_edge is None:
+            return None
+        reach = np.full(mesh.n_vertices, np.inf if self.max_move is None else self.max_move)
+        limited = np.isfinite(by_edge) if by_edge is not None else np.zeros(0, np.bool_)
+        if by_edge is not None and limited.any():
             with np.errstate(over="ignore"):
                 edges = by_edge[limited] * shortest_edges(mesh)[limited]
             reach[limited] = np.minimum(reach[limited], edges)

@@ -27,7 +27,7 @@ from qsmooth.smoothing import method_of
 from qsmooth.targets import Targets
 
 # Sweeps that a step makes at most if nothing else is said.
-STEP_SWEEPS = 4
+STEP_SWEEPS = 3
 
 
 class Smoother:
@@ -123,8 +123,9 @@ class Smoother:
         """Go to these points, and smooth a little: a few sweeps over what does not rest.
 
         What rested after the last step, and whose surroundings are where it left them, is not
-        visited. Cells that the points were given with and that are not valid are untangled first,
-        near them alone; then no cell is made invalid, and with the usual guards no angle worse than
+        visited. Where boundary and fixed points go on as in the step before, the others follow
+        first, if that costs no corner. Cells that are not valid then are untangled, near them
+        alone; after that no cell is made invalid, and with the usual guards no angle worse than
         the worst of the mesh. After the first step no memory is asked for that grows with the mesh,
         unless cells are to be untangled, `hold` is given, or cells are ranked by quality.
 
@@ -164,7 +165,14 @@ class Smoother:
                 )
             if self._tables is None:
                 self._tables = self._make_tables()
-            return self._tables.step(points, out, min(max_sweeps, self._method.max_sweeps))
+            most = min(max_sweeps, self._method.max_sweeps)
+            try:
+                return self._tables.step(points, out, most)
+            except MeshError:
+                raise
+            except BaseException:
+                self._tables = None  # it may have stopped half-way
+                raise
 
     def _make_tables(self) -> _Tables:
         if isinstance(self._method, Optimize) and self._aim is None:

@@ -26,12 +26,17 @@ class Watch:
         The method, with its `callback` and `time_limit`.
     started
         When the run began, by `compiling.clock`; now, by default.
+
+    Attributes
+    ----------
+    asked
+        Whether the callback has asked to stop, or raised an exception.
     """
 
     def __init__(self, options: Method, started: float | None = None) -> None:
         self._callback, self._limit = options.callback, options.time_limit
         self._started = self._last = clock() if started is None else started
-        self._asked = False
+        self.asked = False
         self._error: Exception | None = None
 
     @property
@@ -41,14 +46,14 @@ class Watch:
 
     def tell(self, record: SweepRecord) -> None:
         """Call back. True asks to stop, and so does an exception, which waits for the result."""
-        if self._callback is None or self._asked:
+        if self._callback is None or self.asked:
             return
         called = clock()
         try:
             answer = self._callback(record)
-            self._asked = isinstance(answer, (bool, np.bool_)) and bool(answer)
+            self.asked = isinstance(answer, (bool, np.bool_)) and bool(answer)
         except Exception as error:
-            self._error, self._asked = error, True
+            self._error, self.asked = error, True
         away = clock() - called
         self._started += away
         self._last += away
@@ -58,7 +63,7 @@ class Watch:
 
         The next piece is taken to be as long as the last one.
         """
-        if self._asked:
+        if self.asked:
             return Stop.CALLBACK
         if self._limit is None:
             return None

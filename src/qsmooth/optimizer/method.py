@@ -104,7 +104,8 @@ class _Staged(Method):
             bounds = self.bounds(ground, result, after)
         invalid = with_proof(invalid_cells(before, after), mesh.topology, result.xy, movable)
         seconds = progress.seconds
-        stop = progress.stop or self.finished(found, invalid)
+        stop = Stop.CALLBACK if progress.watch.asked else progress.stop
+        stop = stop or self.finished(found, invalid)
         if not n_movable and stop is not Stop.STUCK:
             stop = Stop.NOTHING_MOVES
         start = before

@@ -16,6 +16,11 @@ if TYPE_CHECKING:
     from qsmooth.kernels.blocks import Blocks
 
 
+# Vertices follow those that the host moves where these go on as in the step before: the square of
+# the cosine between the two is so large; and by no more than this multiple of that step.
+ALIKE, LARGEST_FACTOR = 0.25, 2.0
+
+
 class Figures:
     """Figures of the cells at the present coordinates, measured again where these have changed.
 
@@ -34,7 +39,7 @@ class Figures:
 
     def __init__(self, topology: Topology, movable: BoolArray) -> None:
         from qsmooth.kernels.blocks import LANES
-        from qsmooth.kernels.resting import N_FIGURES
+        from qsmooth.kernels.kept_figures import N_FIGURES
 
         self._topology = topology
         self._counts = _can_change(topology, movable).astype(np.float64)
@@ -52,21 +57,21 @@ class Figures:
 
     def invalid(self) -> BoolArray:
         """Mark the cells that are not valid, (n_cells,)."""
-        from qsmooth.kernels.resting import SURE
+        from qsmooth.kernels.kept_figures import SURE
 
         return np.asarray(self._values[SURE] == 0.0)
 
     @property
     def sines(self) -> FloatArray:
         """Smallest sine of each cell's corners that can change, squared with its sign."""
-        from qsmooth.kernels.resting import LEAST_SINE
+        from qsmooth.kernels.kept_figures import LEAST_SINE
 
         sines: FloatArray = self._values[LEAST_SINE]
         return sines
 
     def look(self, xy: FloatArray) -> None:
         """Measure what has changed."""
-        from qsmooth.kernels.resting import measure_chunks, worst_figures
+        from qsmooth.kernels.kept_figures import measure_chunks, worst_figures
 
         measure_chunks(xy, *self._topology.cells, self._counts, self.dirty, self._values)
         worst = self._values, self._of_cells, self._worst
@@ -76,9 +81,21 @@ class Figures:
             self.n_invalid = self._decide(xy)
             worst_figures(*worst)
 
+    @property
+    def worst(self) -> FloatArray:
+        """The largest and smallest cosine and the smallest sine of each region; a copy."""
+        return self._worst.copy()
+
+    def no_worse_than(self, worst: FloatArray) -> bool:
+        """Whether all cells are valid, and no region is worse than it was (`worst`)."""
+        now = self._worst
+        return not (
+            self.n_invalid or (now[:, 0] > worst[:, 0]).any() or (now[:, 1:] < worst[:, 1:]).any()
+        )
+
     def _decide(self, xy: FloatArray) -> int:
         """Find out which of the doubtful cells are valid; count the others."""
-        from qsmooth.kernels.resting import SURE
+        from qsmooth.kernels.kept_figures import SURE
         from qsmooth.kernels.tangles import bad_cells
 
         cells = np.flatnonzero(self._values[SURE] == 0.0)
@@ -107,6 +124,8 @@ class Resting:
     ----------
     topology, blocks, asks
         Of the mesh; its movable vertices in blocks; what each block asks for.
+    movable : (n_vertices,)
+        These vertices.
 
     Attributes
     ----------
@@ -114,11 +133,15 @@ class Resting:
         The present coordinates.
     selected, asks
         The blocks to sweep next, and what they ask for: `select` overwrites what is in there.
+    left, moves : (n_vertices, 2)
+        Where the last step left them, and how far they came in it.
     awake, low : (n_blocks,)
         Blocks that do not rest; those with a cell whose sine is low (`mark_low`).
     """
 
-    def __init__(self, topology: Topology, blocks: Blocks, asks: IndexArray) -> None:
+    def __init__(
+        self, topology: Topology, blocks: Blocks, asks: IndexArray, movable: BoolArray
+    ) -> None:
         from qsmooth.kernels import resting as kernels
 
         n_blocks = len(blocks.table)
@@ -136,6 +159,8 @@ class Resting:
         self._touched, self.low = np.zeros(n_blocks, np.bool_), np.zeros(n_blocks, np.bool_)
         self._changed = np.empty(topology.n_vertices, np.bool_)
         self.xy = np.full((topology.n_vertices, 2), np.nan)
+        self._movable, self._trial = movable, np.empty((topology.n_vertices, 2))
+        self.left, self.moves = np.full_like(self.xy, np.nan), np.full_like(self.xy, np.nan)
 
     def take_in(self, given: FloatArray, dirty: BoolArray) -> bool:
         """Go to other coordinates, and wake what is around those that differ.
@@ -153,6 +178,27 @@ class Resting:
             stars = topology.star_offsets, topology.star_cells
             wake_around(self._changed, *stars, *topology.cells, self._block_of, self.awake, dirty)
         return bool(count >= 0)
+
+    def following(self, rtol: float) -> FloatArray | None:
+        """Where the vertices would be if they went on with the others, (n_vertices, 2).
+
+        None where the others, which the host moves, do not go on as in the step before. Moves of
+        less than a share `rtol` of the shortest edge are left out.
+        """
+        from qsmooth.kernels.resting import follow, host_factor
+
+        factor, likeness = host_factor(self.xy, self.left, self.moves, self._movable)
+        if not likeness >= ALIKE or abs(factor) > LARGEST_FACTOR:
+            return None
+        rings, changed = self._topology.rings, self._changed
+        moves, trial = self.moves, self._trial
+        follow(self.xy, moves, factor, self._movable, changed, *rings, rtol, trial)
+        return trial
+
+    def end_step(self) -> None:
+        """Note how far the vertices have come."""
+        np.subtract(self.xy, self.left, out=self.moves)
+        np.copyto(self.left, self.xy)
 
     def of_vertices(self, of_blocks: BoolArray) -> BoolArray:
         """Marks of blocks as marks of their vertices, (n_vertices,)."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -93,7 +93,7 @@ class Newton:
 
     def __init__(self, method: Optimize, lanes: Lanes, figures: Figures) -> None:
         self._method, self._lanes, self._figures = method, lanes, figures
-        self.resting = Resting(lanes.topology, *lanes.tables)
+        self.resting = Resting(lanes.topology, *lanes.tables, lanes.movable)
         self._held = np.tile(FREE[:ALWAYS], (lanes.topology.n_vertices, 1))
         self._lengths = np.zeros(lanes.stars.vertices.size)
         self._walls = method.worst and not method.by_metric
@@ -140,6 +140,8 @@ class Plain:
         What is done, and what it is done to.
     engine
         Who runs the sweeps.
+    movable : (n_vertices,)
+        Vertices that may move.
     swept
         Figures of the cells that are swept: halves of quads, where these are cut in two.
     figures
@@ -151,6 +153,7 @@ class Plain:
         method: SweepingMethod,
         setting: Setting,
         engine: Engine,
+        movable: BoolArray,
         swept: Figures,
         figures: Figures,
     ) -> None:
@@ -159,7 +162,8 @@ class Plain:
         blocks = setting.blocks
         n_movable = setting.stars.vertices.size
         self._moves = Moves(np.zeros(n_movable), np.zeros(n_movable))
-        self.resting = Resting(setting.topology, blocks, np.zeros(len(blocks.table), np.int64))
+        asks = np.zeros(len(blocks.table), np.int64)
+        self.resting = Resting(setting.topology, blocks, asks, movable)
         if method.guards:
             setting.blocks = self.resting.selected
         self._sweep = method.start(setting)
@@ -195,9 +199,10 @@ class Plain:
 class Idle:
     """No sweep: what untangling alone does with a valid mesh."""
 
-    def __init__(self, topology: Topology, stars: Stars) -> None:
+    def __init__(self, topology: Topology, stars: Stars, movable: BoolArray) -> None:
         blocks = topology.blocks(stars)
-        self.resting = Resting(topology, blocks, np.zeros(len(blocks.table), np.int64))
+        asks = np.zeros(len(blocks.table), np.int64)
+        self.resting = Resting(topology, blocks, asks, movable)
 
     def prepare(self) -> None:
         """Look at nothing."""
@@ -248,7 +253,7 @@ class Stepper:
             lanes.aim_at(targets_inside(self._meant, inside))
             return Newton(method, lanes, self.figures)
         if not isinstance(method, SweepingMethod):
-            return Idle(inside.topology, stars)
+            return Idle(inside.topology, stars, movable)
         swept, figures, cells = inside, self.figures, self._freedom.cells
         if (cut := method.cut(mesh)) is not mesh:
             swept = Inside(cut, inside)
@@ -258,7 +263,7 @@ class Stepper:
         setting = Setting(
             swept.topology, stars, np.nan, swept.chosen_cells(cells), rails=self._rails
         )
-        return Plain(method, setting, self._engine, figures, self.figures)
+        return Plain(method, setting, self._engine, movable, figures, self.figures)
 
     def step(self, given: FloatArray, most: int) -> StepRecord | None:
         """Go to these coordinates, and sweep so often at most; the result is `resting.xy`.
@@ -270,7 +275,10 @@ class Stepper:
             if not resting.take_in(given, figures.dirty):
                 return None
             figures.look(resting.xy)
+            if most > 0:
+                self._follow(given)
             self._confine()
+            self._left = min(self._left, figures.n_invalid)
             untangled = most > 0 and self._method.guards and figures.n_invalid > self._left
             if untangled:
                 self._untangle()
@@ -282,6 +290,7 @@ class Stepper:
                     sweeps += 1
                 sweeper.mark_changed()
                 figures.look(resting.xy)
+            resting.end_step()
         return self.record(sweeps, untangled)
 
     def record(self, sweeps: int, untangled: bool) -> StepRecord:
@@ -311,43 +320,60 @@ class Stepper:
         vertices = topology.cell_vertices[np.repeat(lost, topology.cell_sizes)]
         return np.unique(topology.vertex_ids[vertices])
 
-    def state(self) -> tuple[FloatArray, BoolArray, BoolArray, int]:
+    def state(self) -> tuple[Any, ...]:
         """What a copy needs to go on from here, in the caller's order."""
         resting, back = self.resting, self.inside.back
         awake, low = resting.of_vertices(resting.awake), resting.of_vertices(resting.low)
-        return back(resting.xy), back(awake), back(low), self._left
+        places = back(resting.xy), back(resting.left), back(resting.moves)
+        return (*places, back(awake), back(low), self._left)
 
-    def restore(self, state: tuple[FloatArray, BoolArray, BoolArray, int]) -> None:
+    def restore(self, state: tuple[Any, ...]) -> None:
         """Go on from there."""
-        xy, awake, low, self._left = state
+        xy, left, moves, awake, low, self._left = state
         resting, inside = self.resting, self.inside
         resting.xy[:] = inside.at_vertices(xy)
+        resting.left[:], resting.moves[:] = inside.at_vertices(left), inside.at_vertices(moves)
         resting.awake[:] = resting.of_blocks(inside.at_vertices(awake))
         resting.low[:] = resting.of_blocks(inside.at_vertices(low))
 
+    def _follow(self, given: FloatArray) -> None:
+        """Let the vertices go on with the boundary, if that costs no corner."""
+        resting, figures = self.resting, self.figures
+        if self._rails.origin.size or not self._method.guards:
+            return
+        trial = resting.following(REST)
+        if trial is None:
+            return
+        worst = figures.worst if not figures.n_invalid else None
+        resting.take_in(trial, figures.dirty)
+        figures.look(resting.xy)
+        better = not figures.n_invalid if worst is None else figures.no_worse_than(worst)
+        if not better:
+            resting.take_in(given, figures.dirty)
+            figures.look(resting.xy)
+
     def _confine(self) -> None:
         """Confine moves to what is allowed from here."""
-        rails, method = self._rails, self._method
+        rails, freedom = self._rails, self._freedom
         if not rails.origin.size:
             return
         rails.origin[:] = self.resting.xy
-        if method.max_move is None and method.max_move_share is None:
-            return
-        # What stopped at the end of its reach may go on.
-        self.resting.wake_all()
-        if method.max_move_share is not None:
-            self._measure_reach()
+        if freedom.reach is not None:
+            self.resting.wake_all()  # what stopped at the end of its reach may go on
+        if freedom.by_edge is not None:
+            self._measure_reach(freedom.by_edge)
 
-    def _measure_reach(self) -> None:
+    def _measure_reach(self, by_edge: FloatArray) -> None:
         """Work out how far vertices may come, where that depends on their edges."""
         from qsmooth.kernels.untangle_sweep import shortest_edges
 
-        reach, rings = self._rails.reach, self.inside.topology.rings
-        shortest_edges(self.resting.xy, *rings, self._everyone, reach)
-        reach *= self._method.max_move_share or 0.0
-        if self._method.max_move is not None:
-            np.minimum(reach, self._method.max_move, out=reach)
-        reach -= self._freedom.rounding
+        reach, most = self._rails.reach, self._method.max_move
+        shortest_edges(self.resting.xy, *self.inside.topology.rings, self._everyone, reach)
+        np.multiply(reach, by_edge, out=reach, where=np.isfinite(by_edge))
+        np.copyto(reach, np.inf, where=~np.isfinite(by_edge))
+        if most is not None:
+            np.minimum(reach, most, out=reach)
+        np.subtract(reach, self._freedom.rounding, out=reach)
         np.maximum(reach, 0.0, out=reach)
 
     @cached_property
