@@ -5,6 +5,7 @@ behind shows as growth from the first tenth of the calls to the last.
 """
 
 import argparse
+import contextlib
 import gc
 import resource
 import tempfile
@@ -24,10 +25,8 @@ def call_once(number: int, folder: Path, methods: tuple[str, ...] = METHODS) -> 
     path = folder / ("a.vtu", "a.off")[number % 2]
     write_mesh(path, result.mesh)
     read_mesh(path)
-    try:
+    with contextlib.suppress(ValueError):
         smooth(mesh, "laplacian", max_sweeps=-1)
-    except ValueError:
-        pass
 
 
 def held() -> tuple[int, int]:
