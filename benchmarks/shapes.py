@@ -4,8 +4,8 @@
     python benchmarks/shapes.py --share 0.01
 
 A star of 10,000 cells around one vertex, a strip of a million quads, 10,000 parts of four quads,
-one cell. Seconds of processor time, on one thread, after a small one. What grows faster than the mesh
-shows in the table.
+one cell. Seconds of processor time, on one thread, after a small one. What grows faster than the
+mesh shows in the table.
 """
 
 import argparse
