@@ -131,6 +131,12 @@ def test_sets_of_sets_do_not_double_for_ever(put):
     assert mesh.source.cell_sets["A"][0].tolist() == [0]
 
 
+@pytest.mark.parametrize("tiny", ["1e-320", "5e-324", "-1e-310"])
+def test_a_coordinate_next_to_zero_says_nothing_strange(put, tiny):
+    content = f"OFF\n4 1 0\n0 0 {tiny}\n1 0 0.3\n1 1 0.3\n{tiny} 1 0\n4 0 1 2 3\n"
+    assert read_mesh(put("tiny.off", content)).n_cells == 1
+
+
 CUT_OFF = {
     "ansys.msh": '(1 "x")\n(10 (1',
     "a.mdpa": "Begin Nodes\n 1 0 0 0\n",

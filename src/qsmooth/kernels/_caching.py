@@ -14,6 +14,8 @@ from typing import Any
 
 from numba.core import caching
 
+from qsmooth.kernels import compiling
+
 _log = logging.getLogger("qsmooth")
 MESSAGE = (
     "compiled kernels cannot be kept, so that each process compiles them anew: {}; set "
@@ -84,18 +86,20 @@ class KernelCache(_Cache):  # type: ignore[misc]
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Get a compiled form, or None where it is not there or cannot be read."""
-        try:
-            return self._kept.load_overload(sig, target_context)
-        except Exception:  # whatever a damaged file makes of itself: it is written anew
-            self.flush()
-            return None
+        with compiling.left_out():
+            try:
+                return self._kept.load_overload(sig, target_context)
+            except Exception:  # whatever a damaged file makes of itself: it is written anew
+                self.flush()
+                return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep a compiled form."""
-        try:
-            self._kept.save_overload(sig, data)
-        except OSError as error:
-            _tell(error)
+        with compiling.left_out():
+            try:
+                self._kept.save_overload(sig, data)
+            except OSError as error:
+                _tell(error)
 
     def enable(self) -> None:
         """Use what is kept."""
