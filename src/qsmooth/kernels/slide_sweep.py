@@ -136,29 +136,29 @@ def place_trials(
 
 
 @helper()
-def _keeps_near(
-    xy: FloatArray, outline: Outline, e: int, segment: int, x: float, y: float, ahead: bool
-) -> bool:
-    """Whether an edge of entry e, at (x, y) on `segment`, stays as near to the outline as it must.
+def _farther(xy: FloatArray, outline: Outline, e: int, segment: int, x: float, y: float) -> float:
+    """How far an edge of entry e, at (x, y) on `segment`, is from the outline: the farther one.
 
-    That is within the tolerance; or no farther than it is, of an edge that is beyond that.
+    As a share of the edge, squared.
     """
     nodes, vertices, segments = outline.nodes, outline.vertices, outline.segments
-    other = e + 1 if ahead else e - 1
-    v, w, far = vertices[e], vertices[other], segments[other]
-    old_x, old_y, old = xy[v, 0], xy[v, 1], segments[e]
-    wx, wy = xy[w, 0], xy[w, 1]
-    if ahead:
-        squares, length = deviation(nodes, segment, x, y, far, wx, wy)
-    else:
-        squares, length = deviation(nodes, far, wx, wy, segment, x, y)
-    if squares <= outline.tolerance * outline.tolerance * length:
+    u, w = vertices[e - 1], vertices[e + 1]
+    squares, length = deviation(nodes, segments[e - 1], xy[u, 0], xy[u, 1], segment, x, y)
+    ahead, ahead_length = deviation(nodes, segment, x, y, segments[e + 1], xy[w, 0], xy[w, 1])
+    return max(squares / length, ahead / ahead_length)
+
+
+@helper()
+def _keeps_near(xy: FloatArray, outline: Outline, e: int, segment: int, x: float, y: float) -> bool:
+    """Whether the edges of entry e, at (x, y) on `segment`, stay as near to the outline as asked.
+
+    That is within the tolerance; or no farther than they are, where that is beyond it.
+    """
+    share = _farther(xy, outline, e, segment, x, y)
+    if share <= outline.tolerance * outline.tolerance:
         return True
-    if ahead:
-        was, old_length = deviation(nodes, old, old_x, old_y, far, wx, wy)
-    else:
-        was, old_length = deviation(nodes, far, wx, wy, old, old_x, old_y)
-    return bool(squares * old_length <= was * length)
+    v = outline.vertices[e]
+    return bool(share <= _farther(xy, outline, e, outline.segments[e], xy[v, 0], xy[v, 1]))
 
 
 @helper()
@@ -186,14 +186,14 @@ def may_slide(
 ) -> bool:
     """Whether the vertex of entry e may go to this place, as far as the outline says."""
     segments, fractions, vertices = outline.segments, outline.fractions, outline.vertices
+    off = outline.off[e]
     if not (
         is_before(segments[e - 1], fractions[e - 1], segment, fraction)
         and is_before(segment, fraction, segments[e + 1], fractions[e + 1])
-        and _keeps_near(xy, outline, e, segment, x, y, True)
-        and _keeps_near(xy, outline, e, segment, x, y, False)
+        and (off or _keeps_near(xy, outline, e, segment, x, y))
     ):
         return False
-    if outline.sides[e] < 0 or (not outline.off[e] and _on_one_segment(outline, e, segment)):
+    if outline.sides[e] < 0 or (not off and _on_one_segment(outline, e, segment)):
         return True
     v, before, after = vertices[e], vertices[e - 1], vertices[e + 1]
     return not (
