@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from qsmooth import examples, limits, quality, smooth, untangle
+from qsmooth.constraints import Constraints
 from qsmooth.engine import threads_for
 from qsmooth.kernels._jit import use_threads
 from qsmooth.kernels.blocks import build_blocks
@@ -258,6 +259,24 @@ def test_sweep(benchmark, mesh, note, name, threads):
     case = Case(mesh, EPSILON if name == "untangle" else 0.0)
     note(mesh, threads, rate=(case.moves.size * SWEEPS, "steps"), sweeps=SWEEPS)
     with use_threads(threads):
+        case.by_blocks()
+        benchmark(case.by_blocks)
+
+
+CONSTRAINTS = {
+    "none": Constraints(),
+    "reach": Constraints(max_move_share=0.05),
+    "directions": Constraints(directions=(0.6, 0.8)),
+}
+
+
+@pytest.mark.parametrize("name", CONSTRAINTS)
+def test_newton_sweep_on_rails(benchmark, mesh, note, name):
+    """What it costs a sweep to confine its trials."""
+    case = Case(mesh, 0.0)
+    case.blocks = case.blocks._replace(rails=CONSTRAINTS[name].freedom(mesh).rails())
+    note(mesh, 1, rate=(case.moves.size * SWEEPS, "steps"), sweeps=SWEEPS)
+    with use_threads(1):
         case.by_blocks()
         benchmark(case.by_blocks)
 

@@ -15,7 +15,14 @@ from qsmooth.metrics.bounds import Kept, kept_by
 from qsmooth.numbering import Inside
 from qsmooth.options import OptionError, Options, opaque, option
 from qsmooth.outline import Chains, find_chains
-from qsmooth.selection import parse_selection, read_ids, select_cells, select_vertices
+from qsmooth.selection import (
+    check_vertices,
+    parse_selection,
+    parse_vertices,
+    read_ids,
+    select_cells,
+    select_vertices,
+)
 from qsmooth.vectors import directions_of, parse_directions, shortest_edges, transition
 
 # Of the largest coordinate of points in a tilted plane: more than their rounding.
@@ -122,6 +129,7 @@ class Constraints(Options):
     fixed: Any = opaque(
         None,
         metavar="VERTICES",
+        parse=parse_vertices,
         help="Vertices that stay besides those that do anyway: ids, as in 3,7,12 (in Python also a "
         "mask); conditions, as in 'x < 0 and y >= 1.5'; or what the file has by name: point sets, "
         "physical groups, markers, cell sets.",
@@ -190,6 +198,8 @@ class Constraints(Options):
                 "`interfaces='slide'` keeps vertices on the lines between regions, and "
                 "`keep_interfaces=False` lets them leave these: take one of the two"
             )
+        if self.fixed is not None:
+            check_vertices(self.fixed)
         if self.directions is not None:
             object.__setattr__(self, "directions", parse_directions(self.directions))
 

@@ -19,12 +19,12 @@ _NUMBERS = re.compile(r"\s*([-+.\deE]+)\s*,\s*([-+.\deE]+)\s*(?:,\s*([-+.\deE]+)
 
 
 def parse_directions(given: Any) -> Any:
-    """Take directions: a name stays, all else becomes unit vectors, (n, 2), or (2,) for all.
+    """Take directions: a name stays, all else becomes unit vectors, (n, 2), or a pair for all.
 
     Raises
     ------
     OptionError
-        If they are neither, or one has no length.
+        If they are none of these, or one has no length.
     """
     if isinstance(given, str):
         match = _NUMBERS.fullmatch(given)
@@ -36,7 +36,7 @@ def parse_directions(given: Any) -> Any:
     except (TypeError, ValueError):
         array = np.empty(())
     if array.shape == (2,):
-        return unit_vectors(array[None, :])[0]
+        return tuple(unit_vectors(array[None, :])[0].tolist())
     if array.ndim != 2 or array.shape[1] != 2:
         got = f"numbers of the shape {array.shape}" if array.ndim else repr(given)
         raise OptionError(

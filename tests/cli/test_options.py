@@ -43,6 +43,10 @@ def other_value(spec):
         return ("aspect_ratio", "shape"), [flag, "shape,aspect_ratio"]
     if spec.name == "target":
         return "initial", [flag, "initial"]
+    if spec.name == "directions":
+        return (0.0, 1.0), [flag, "0,1"]
+    if spec.name in ("fixed_file", "curve"):
+        return "file.txt", [flag, "file.txt"]
     if spec.kind == "object":
         return [0, 1], [flag, "0,1"]
     low, high = spec.interval.low, min(spec.interval.high, spec.interval.low + 1e6)

@@ -38,6 +38,7 @@ from qsmooth.kernels.lanes import (
     LaneRange,
     X,
     Y,
+    confine_lanes,
     gather_block,
     newton_step,
     start_trial,
@@ -274,14 +275,17 @@ def _move_block(
     gather_held(vertices, block.first, block.size, held, s)
     add_stars(star_xy, s, block, what, terms, mapped, own)
     left = newton_step(s, block.size)
-    if confined(rails):
+    on_rails = confined(rails)
+    if on_rails:
         left = steps_on_rails(s, vertices, block.first, block.size, rails)
     everyone = (block.size - block.size, block.size)  # of one type
     fraction = relaxation
     for attempt in range(len(FRACTIONS) + 1):
         if left == 0.0:
             break
-        start_trial(s, everyone, fraction, vertices, block.first, rails)
+        start_trial(s, everyone, fraction)
+        if on_rails:
+            confine_lanes(s, PX, PY, everyone, vertices, block.first, rails)
         try_stars(star_xy, s, block, what, terms, held.shape[1] > 3, mapped, own)
         left = store_better(xy, vertices, block, everyone, s, lengths)
         fraction = FRACTIONS[min(attempt, len(FRACTIONS) - 1)]

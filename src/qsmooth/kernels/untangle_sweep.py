@@ -43,6 +43,7 @@ from qsmooth.kernels.lanes import (
     X,
     Y,
     add_energy,
+    confine_lanes,
     gather_block,
     newton_step,
     start_trial,
@@ -177,14 +178,17 @@ def _move_block(
     n = block.size
     add_regularised(star_xy, s, vertices, block, sizes, epsilon)
     left = newton_step(s, n)
-    if confined(rails):
+    on_rails = confined(rails)
+    if on_rails:
         left = steps_on_rails(s, vertices, block.first, n, rails)
     everyone = (n - n, n)  # of one type
     fraction = relaxation
     for attempt in range(len(FRACTIONS) + 1):
         if left == 0.0:
             break
-        start_trial(s, everyone, fraction, vertices, block.first, rails)
+        start_trial(s, everyone, fraction)
+        if on_rails:
+            confine_lanes(s, PX, PY, everyone, vertices, block.first, rails)
         try_regularised(star_xy, s, block)
         # No margin is asked for: the mesh need not be valid.
         left = store_better(xy, vertices, block, everyone, s, lengths)

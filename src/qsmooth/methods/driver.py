@@ -140,9 +140,8 @@ class SweepingMethod(Method):
         """Sweep until every vertex rests, quality no longer improves, or no more is allowed."""
         inside = Inside(mesh, kept=not self.max_sweeps)
         before = inside.quality(mesh)
-        cut = self._cut(mesh)
+        freedom, cut = self.freedom(mesh), self._cut(mesh)
         swept = inside if cut is mesh else Inside(cut, inside, kept=not self.max_sweeps)
-        freedom = self.freedom(mesh)
         selected = freedom.cells
         if selected is not None and cut is not mesh:
             selected = np.repeat(selected, mesh.topology.cell_sizes - 2)
@@ -170,10 +169,8 @@ class SweepingMethod(Method):
         elif engine is not None:
             run.stop = Stop.MAX_SWEEPS
         xy = inside.back(run.xy)
-        if not self.guards:
-            result = mesh.with_xy(xy, moved(mesh, xy))
-        elif cut is mesh:
-            result = stored(mesh, xy, freedom)
+        if cut is mesh or not self.guards:
+            result = stored(mesh, xy, freedom, guarded=self.guards)
         else:
             points = stored(cut, xy, freedom).points
             result = mesh if points is mesh.points else mesh.with_points(points)
@@ -354,8 +351,8 @@ def moved(mesh: Mesh, xy: FloatArray) -> BoolArray:
     return marked
 
 
-def stored(mesh: Mesh, xy: FloatArray, freedom: Freedom) -> Mesh:
-    """Give the mesh its new coordinates, certified as they are stored.
+def stored(mesh: Mesh, xy: FloatArray, freedom: Freedom, *, guarded: bool = True) -> Mesh:
+    """Give the mesh its new coordinates, certified as they are stored, unless it is not guarded.
 
     In x and y what was certified is what is stored. Points of a tilted plane are rounded once
     more: where that costs a corner, by a hair, the cell's vertices go back to where they were, and
@@ -365,7 +362,9 @@ def stored(mesh: Mesh, xy: FloatArray, freedom: Freedom) -> Mesh:
     result = mesh.with_xy(xy, marked)
     if mesh.plane is None or result is mesh:
         return result
-    was_valid = quality(mesh).validity == Validity.VALID
+    was_valid = np.zeros(mesh.n_cells, np.bool_)
+    if guarded:
+        was_valid = quality(mesh).validity == Validity.VALID
     while True:
         lost = was_valid & (quality(result).validity != Validity.VALID)
         beyond = marked & freedom.beyond(result.points - mesh.points)
