@@ -24,6 +24,10 @@ SAMPLES = 32
 # A curve is that of a chain if no vertex of the chain is farther from it than this share of its
 # longer edge on the chain.
 NEAR = 1.0
+# The largest fraction of a segment that is not its end.
+BELOW_ONE = 1.0 - 2.0**-53
+# More than the rounding of a way round a loop, as a share of it.
+ROUNDING = 1e-9
 # Distances to a curve are worked out for so many pairs at a time.
 PAIRS = 1_000_000
 
@@ -122,7 +126,7 @@ def _on_curve(places: FloatArray, curve: FloatArray, turned: bool = False) -> Li
         steps = (steps + 0.5 * n) % n - 0.5 * n
     if steps.sum() < 0.0 and not turned:
         return _on_curve(places, curve[::-1].copy(), turned=True)
-    if (steps <= 0.0).any() or steps.sum() > n:
+    if (steps <= 0.0).any() or steps.sum() > n * (1.0 + ROUNDING):
         return None
     way = at[0] + np.r_[0.0, np.cumsum(steps)]  # in segments of the curve, on and on round a loop
     first, last = int(np.floor(way[0])) + 1, int(np.ceil(way[-1])) - 1
@@ -136,7 +140,7 @@ def _on_curve(places: FloatArray, curve: FloatArray, turned: bool = False) -> Li
     squares = (d * d).sum(axis=1)
     fractions = np.divide(((places - a) * d).sum(axis=1), squares, where=squares > 0.0,
                           out=np.zeros(len(places)))  # fmt: skip
-    fractions = np.clip(fractions, 0.0, 1.0 - 2.0**-53)
+    fractions = np.clip(fractions, 0.0, BELOW_ONE)
     segments[0], fractions[0] = 0, 0.0
     segments[-1], fractions[-1] = len(nodes) - 2, 1.0
     return nodes, segments, fractions, np.ones(len(places), np.bool_)

@@ -115,10 +115,11 @@ class Slider:
 
     def only(self, chosen: BoolArray) -> Slider:
         """Give the same with only these, (n_vertices,) in the order inside, free to slide."""
+        # Copied with what is set up, the places of the vertices too: these are the same for both.
+        mask, outline, _ = self.mask & chosen, self._outline, self._row_corners
         other = copy.copy(self)
-        other.__dict__["mask"] = self.mask & chosen
-        other.__dict__["_outline"] = self._outline._replace(free=chosen[self.vertices])
-        other.__dict__["_sides"] = self._sides
+        other.__dict__["mask"] = mask
+        other.__dict__["_outline"] = outline._replace(free=chosen[self.vertices])
         return other
 
     @property

@@ -6,7 +6,19 @@ import math
 from collections.abc import Callable
 
 from qsmooth._words import in_a_row, plural
-from qsmooth.outcome import Aim, Carried, Held, Invalid, Outcome, Sizes, Stage, Stop, Target, Trade
+from qsmooth.outcome import (
+    Aim,
+    Carried,
+    Held,
+    Invalid,
+    Outcome,
+    Sizes,
+    Sliding,
+    Stage,
+    Stop,
+    Target,
+    Trade,
+)
 
 # Figures in words, and how they are written.
 _FIGURES: dict[str, tuple[str, str]] = {
@@ -25,6 +37,8 @@ _TARGETS = {
     "initial": "the cells as they were, with right angles",
     "metric": "the metric",
 }
+# An outline that has moved by less than this share of an edge has not.
+ROUNDING = 1e-9
 UNCHANGED = "already as good as this method gets: unchanged"
 
 
@@ -50,6 +64,7 @@ def reason(outcome: Outcome, *, spell: Callable[[str], str] = str, limits: bool 
     if not outcome.unchanged:
         parts += _done(outcome)
         parts += [*_towards(outcome.target), *_sizes(outcome.sizes, outcome.trades)]
+        parts += _slid(outcome.sliding)
     parts += [*_given_up(outcome, spell), *_why(outcome, spell)]
     parts += _not_valid(outcome)
     parts += [_carried(record, spell) for record in outcome.carried if record.largest > 0.0]
@@ -153,6 +168,27 @@ def _sizes(sizes: Sizes | None, trades: tuple[Trade, ...]) -> list[str]:
     if sizes.layers:
         said.append(f"{_share(sizes.layers)} cells are layers and were kept")
     return said
+
+
+def _slid(sliding: Sliding | None) -> list[str]:
+    """How many vertices slid, and how far that took their lines."""
+    if sliding is None:
+        return []
+    counts = []
+    if sliding.slid:
+        counts.append(f"{sliding.slid} of {sliding.boundary_vertices} boundary vertices slid")
+    if sliding.interface_slid:
+        of = plural(sliding.interface_vertices, "vertex", "vertices")
+        counts.append(f"{sliding.interface_slid} of {of} on lines inside that may slide did")
+    if counts and sliding.deviation_share > ROUNDING:
+        percent = 100.0 * sliding.deviation_share
+        counts.append(f"the outline moved by at most {percent:.2g} % of the local edge")
+    elif counts:
+        counts.append("the outline is where it was")
+    if sliding.beside:
+        beside = plural(sliding.beside, "vertex", "vertices")
+        counts.append(f"{beside} could not be brought onto the curve")
+    return counts
 
 
 def _factor(value: float) -> str:

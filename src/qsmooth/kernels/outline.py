@@ -14,8 +14,10 @@ from qsmooth._types import BoolArray, FloatArray, IndexArray
 from qsmooth.kernels._jit import helper, kernel, strict_helper
 from qsmooth.kernels.geometry import orientation, two_product, two_sum
 
-# A place is on a segment if it is no farther from it than this share of its largest coordinate.
+# A place is on a segment if it is no farther than this share of the largest coordinate around.
 ON_SEGMENT = 2.0**-50
+# The largest fraction of a segment that is not its end.
+BELOW_ONE = 1.0 - 2.0**-53
 
 
 class Outline(NamedTuple):
@@ -155,6 +157,14 @@ def _nearest_fraction(nodes: FloatArray, segment: int, x: float, y: float) -> tu
 
 
 @helper()
+def _largest(nodes: FloatArray, segment: int) -> float:
+    """Largest coordinate of a segment, without its sign."""
+    here = max(abs(nodes[segment, 0]), abs(nodes[segment, 1]))
+    there = max(abs(nodes[segment + 1, 0]), abs(nodes[segment + 1, 1]))
+    return float(max(here, there))
+
+
+@helper()
 def is_before(segment: int, fraction: float, other: int, other_fraction: float) -> bool:
     """Whether a place comes before another."""
     return bool(segment < other or (segment == other and fraction < other_fraction))
@@ -181,18 +191,21 @@ def locate(xy: FloatArray, outline: Outline, first_last: IndexArray) -> None:
         for e in range(first + 1, last):
             v = vertices[e]
             x, y = xy[v, 0], xy[v, 1]
-            near = ON_SEGMENT * max(abs(x), abs(y))
-            least, best, best_f = np.inf, k, f
+            least, best, best_f, is_off = np.inf, k, f, True
             for segment in range(k, segments[last] + 1):
                 own, squares = _nearest_fraction(nodes, segment, x, y)
                 if segment == k:
                     own = max(own, f)
-                if squares < least and not (own >= 1.0 and segment < segments[last]):
+                if squares < least:
                     least, best, best_f = squares, segment, own
-                    if squares <= near * near:
+                    near = ON_SEGMENT * _largest(nodes, segment)
+                    is_off = squares > near * near
+                    if not is_off:
                         break
-            off[e] = least > near * near
-            k, f = best, min(best_f, 1.0 - 2.0**-53)
+            if best_f >= 1.0 and best < segments[last]:
+                best, best_f = best + 1, 0.0
+            off[e] = is_off
+            k, f = best, min(best_f, BELOW_ONE)
             segments[e], fractions[e] = k, f
 
 

@@ -104,61 +104,29 @@ def start_sliding(s: FloatArray, first: int, n: int, outline: Outline) -> float:
 
 
 @helper()
-def place_trials(
-    s: FloatArray,
-    first: int,
-    n: int,
-    share: float,
-    outline: Outline,
-    to_segment: IndexArray,
-    to_fraction: FloatArray,
-) -> None:
-    """Put the vertices at a share of their steps along the outline, and clear what is summed up."""
-    nodes, segments, fractions = outline.nodes, outline.segments, outline.fractions
-    entries = outline.entries
-    for i in range(n):
-        e = entries[first + i]
-        s[PX + i], s[PY + i] = s[X + i], s[Y + i]
-        to_segment[i], to_fraction[i] = segments[e], fractions[e]
-        if s[TODO + i] > 0.0:
-            to_segment[i], to_fraction[i] = advance(
-                nodes,
-                segments[e],
-                fractions[e],
-                share * s[SX + i],
-                segments[e - 1],
-                segments[e + 1],
-            )
-            s[PX + i], s[PY + i] = place_at(nodes, to_segment[i], to_fraction[i])
-        s[TRIAL + i] = 0.0
-        s[MARGIN + i] = np.inf
-        s[HELD + i] = np.inf
+def _farther(xy: FloatArray, outline: Outline, e: int, segment: int, x: float, y: float) -> float:
+    """How far an edge of entry e, at (x, y) on `segment`, is from the outline: the farther one.
+
+    As a share of the edge, squared.
+    """
+    nodes, vertices, segments = outline.nodes, outline.vertices, outline.segments
+    u, w = vertices[e - 1], vertices[e + 1]
+    squares, length = deviation(nodes, segments[e - 1], xy[u, 0], xy[u, 1], segment, x, y)
+    ahead, ahead_length = deviation(nodes, segment, x, y, segments[e + 1], xy[w, 0], xy[w, 1])
+    return max(squares / length, ahead / ahead_length)
 
 
 @helper()
-def _keeps_near(
-    xy: FloatArray, outline: Outline, e: int, segment: int, x: float, y: float, ahead: bool
-) -> bool:
-    """Whether an edge of entry e, at (x, y) on `segment`, stays as near to the outline as it must.
+def _keeps_near(xy: FloatArray, outline: Outline, e: int, segment: int, x: float, y: float) -> bool:
+    """Whether the edges of entry e, at (x, y) on `segment`, stay as near to the outline as asked.
 
-    That is within the tolerance; or no farther than it is, of an edge that is beyond that.
+    That is within the tolerance; or no farther than they are, where that is beyond it.
     """
-    nodes, vertices, segments = outline.nodes, outline.vertices, outline.segments
-    other = e + 1 if ahead else e - 1
-    v, w, far = vertices[e], vertices[other], segments[other]
-    old_x, old_y, old = xy[v, 0], xy[v, 1], segments[e]
-    wx, wy = xy[w, 0], xy[w, 1]
-    if ahead:
-        squares, length = deviation(nodes, segment, x, y, far, wx, wy)
-    else:
-        squares, length = deviation(nodes, far, wx, wy, segment, x, y)
-    if squares <= outline.tolerance * outline.tolerance * length:
+    share = _farther(xy, outline, e, segment, x, y)
+    if share <= outline.tolerance * outline.tolerance:
         return True
-    if ahead:
-        was, old_length = deviation(nodes, old, old_x, old_y, far, wx, wy)
-    else:
-        was, old_length = deviation(nodes, far, wx, wy, old, old_x, old_y)
-    return bool(squares * old_length <= was * length)
+    v = outline.vertices[e]
+    return bool(share <= _farther(xy, outline, e, outline.segments[e], xy[v, 0], xy[v, 1]))
 
 
 @helper()
@@ -186,14 +154,14 @@ def may_slide(
 ) -> bool:
     """Whether the vertex of entry e may go to this place, as far as the outline says."""
     segments, fractions, vertices = outline.segments, outline.fractions, outline.vertices
+    off = outline.off[e]
     if not (
         is_before(segments[e - 1], fractions[e - 1], segment, fraction)
         and is_before(segment, fraction, segments[e + 1], fractions[e + 1])
-        and _keeps_near(xy, outline, e, segment, x, y, True)
-        and _keeps_near(xy, outline, e, segment, x, y, False)
+        and (off or _keeps_near(xy, outline, e, segment, x, y))
     ):
         return False
-    if outline.sides[e] < 0 or (not outline.off[e] and _on_one_segment(outline, e, segment)):
+    if outline.sides[e] < 0 or (not off and _on_one_segment(outline, e, segment)):
         return True
     v, before, after = vertices[e], vertices[e - 1], vertices[e + 1]
     return not (
@@ -211,38 +179,80 @@ def _in_reach(rails: Rails, v: int, x: float, y: float) -> bool:
 
 
 @helper()
+def place_trials(
+    xy: FloatArray,
+    first: int,
+    n: int,
+    share: float,
+    s: FloatArray,
+    outline: Outline,
+    sides: Sides,
+    rails: Rails,
+    to_segment: IndexArray,
+    to_fraction: FloatArray,
+) -> int:
+    """Put the vertices at a share of their steps along the outline, and clear what is summed up.
+
+    A place that the outline or the reach forbids is none, which segment -1 says.
+
+    Returns
+    -------
+    allowed
+        How many may go there.
+    """
+    nodes, segments, fractions = outline.nodes, outline.segments, outline.fractions
+    ends, boxes, allowed = sides.ends, sides.boxes, 0
+    for i in range(n):
+        e = outline.entries[first + i]
+        s[PX + i], s[PY + i] = s[X + i], s[Y + i]
+        to_segment[i] = -1
+        if s[TODO + i] > 0.0:
+            way, low, high = share * s[SX + i], segments[e - 1], segments[e + 1]
+            k, f = advance(nodes, segments[e], fractions[e], way, low, high)
+            x, y = place_at(nodes, k, f)
+            if _in_reach(rails, outline.vertices[e], x, y) and may_slide(
+                xy, outline, ends, boxes, e, k, f, x, y
+            ):
+                to_segment[i], to_fraction[i] = k, f
+                s[PX + i], s[PY + i] = x, y
+                allowed += 1
+        s[TRIAL + i] = 0.0
+        s[MARGIN + i] = np.inf
+        s[HELD + i] = np.inf
+    return allowed
+
+
+@helper()
 def store_slides(
     xy: FloatArray,
     first: int,
     n: int,
     s: FloatArray,
     outline: Outline,
-    ends: IndexArray,
-    boxes: FloatArray,
+    sides: Sides,
     to_segment: IndexArray,
     to_fraction: FloatArray,
-    rails: Rails,
     lengths: FloatArray,
 ) -> float:
     """Store the trial places that lower the energy and may be; count the lanes that are left."""
-    entries, vertices, sides = outline.entries, outline.vertices, outline.sides
+    entries, vertices = outline.entries, outline.vertices
     segments, fractions, off = outline.segments, outline.fractions, outline.off
+    ends, boxes = sides.ends, sides.boxes
     left = 0.0
     for i in range(n):
-        if s[TODO + i] == 0.0:
-            continue
         e, x, y = entries[first + i], s[PX + i], s[PY + i]
         good = (s[TRIAL + i] < s[ENERGY + i]) & (s[MARGIN + i] > 0.0) & (s[HELD + i] > 0.0)
-        good &= _in_reach(rails, vertices[e], x, y)
+        good &= (s[TODO + i] > 0.0) & (to_segment[i] >= 0)
+        # Asked again, as others of the block have moved since.
         if good and may_slide(xy, outline, ends, boxes, e, to_segment[i], to_fraction[i], x, y):
             v = vertices[e]
             xy[v, 0], xy[v, 1] = x, y
             dx, dy = x - s[X + i], y - s[Y + i]
             lengths[first + i] = math.sqrt(dx * dx + dy * dy)
             segments[e], fractions[e], off[e] = to_segment[i], to_fraction[i], False
-            if sides[e] >= 0:
-                refit(xy, ends, boxes, sides[e])
-                refit(xy, ends, boxes, sides[e - 1])
+            if outline.sides[e] >= 0:
+                refit(xy, ends, boxes, outline.sides[e])
+                refit(xy, ends, boxes, outline.sides[e - 1])
             s[TODO + i] = 0.0
         left += s[TODO + i]
     return left
@@ -278,7 +288,7 @@ def slide_sweep(
     """
     terms = Terms(wall.mean_weight, 1.0 / wall.threshold, wall.squarings, 2.0**wall.squarings)
     table, vertices, stars, largest = blocks.table, blocks.vertices, blocks.stars, blocks.largest
-    ends, boxes, rails = sides.ends, sides.boxes, Rails(*blocks.rails)
+    rails = Rails(*blocks.rails)
     what = asked(rows, maps)
     star_xy, mapped = np.empty(6 * largest * LANES), np.empty(6 * largest * LANES)
     s, own = np.empty(N_ROWS * LANES), np.zeros(N_ROWS * LANES)
@@ -294,11 +304,11 @@ def slide_sweep(
         for attempt in range(len(FRACTIONS) + 1):
             if left == 0.0:
                 break
-            place_trials(s, first, n, share, outline, to_segment, to_fraction)
-            try_stars(star_xy, s, block, what, terms, held.shape[1] > 3, mapped, own)
-            left = store_slides(
-                xy, first, n, s, outline, ends, boxes, to_segment, to_fraction, rails, lengths
-            )
+            if place_trials(xy, first, n, share, s, outline, sides, rails, to_segment, to_fraction):
+                try_stars(star_xy, s, block, what, terms, held.shape[1] > 3, mapped, own)
+                left = store_slides(
+                    xy, first, n, s, outline, sides, to_segment, to_fraction, lengths
+                )
             share = FRACTIONS[min(attempt, len(FRACTIONS) - 1)]
 
 
@@ -323,7 +333,7 @@ def slide_untangling(
         As in `slide_sweep`; the mesh need not be valid.
     """
     table, vertices, stars, largest = blocks.table, blocks.vertices, blocks.stars, blocks.largest
-    ends, boxes, rails = sides.ends, sides.boxes, Rails(*blocks.rails)
+    rails = Rails(*blocks.rails)
     star_xy, s = np.empty(6 * largest * LANES), np.empty(N_ROWS * LANES)
     to_segment, to_fraction = np.empty(LANES, np.int64), np.empty(LANES)
     for b in range(table.shape[0]):
@@ -336,9 +346,9 @@ def slide_untangling(
         for attempt in range(len(FRACTIONS) + 1):
             if left == 0.0:
                 break
-            place_trials(s, first, n, share, outline, to_segment, to_fraction)
-            try_regularised(star_xy, s, block)
-            left = store_slides(
-                xy, first, n, s, outline, ends, boxes, to_segment, to_fraction, rails, lengths
-            )
+            if place_trials(xy, first, n, share, s, outline, sides, rails, to_segment, to_fraction):
+                try_regularised(star_xy, s, block)
+                left = store_slides(
+                    xy, first, n, s, outline, sides, to_segment, to_fraction, lengths
+                )
             share = FRACTIONS[min(attempt, len(FRACTIONS) - 1)]

@@ -79,9 +79,14 @@ class Lanes:
         self.n_colours = stars.colour_offsets.size - 1
         self._slider, n_free = slider, stars.vertices.size
         n_movable = n_free
+        # What sliding vertices alone change is not judged: where the outline is bent its angles are
+        # as good as given, and would be the worst of all. Unless there is nothing else.
+        self._judged = self.movable
         if slider is not None:
-            self.movable |= slider.mask
+            self.movable = self.movable | slider.mask
             n_movable += slider.vertices.size
+            if not n_free:
+                self._judged = self.movable
         self._every = Moves(np.zeros(n_movable), np.zeros(n_movable))
         # Those that sweeps write, and those of sliding vertices.
         self._moves = Moves(self._every.lengths[:n_free], self._every.shares[:n_free])
@@ -402,7 +407,7 @@ class Lanes:
         """Measure the cells at these coordinates; the last look is kept, and used again."""
         if self._look is None or not self._look.is_of(xy):
             self._look = None  # it is as large as the next one
-            self._look = Look(self.topology, xy, self.movable, self.targets, self.sizes, self.maps)
+            self._look = Look(self.topology, xy, self._judged, self.targets, self.sizes, self.maps)
         return self._look
 
     def worst_shape(self, xy: FloatArray) -> FloatArray:
