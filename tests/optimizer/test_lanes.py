@@ -121,7 +121,8 @@ def test_rows_are_there_from_when_a_sweep_reads_them():
     assert not rows.slim.any()
     lanes.weigh_good(mesh.xy)
     assert [values.size for values in lanes.rows_for(NO_WALL)[1:]] == [n] * 3 + [0] * 5
-    lanes.aim_at(initial(mesh.topology, mesh.xy)._replace(size_weight=np.ones(mesh.n_cells)))
+    one = np.ones(mesh.n_cells)
+    lanes.aim_at(ideal(mesh.topology)._replace(area=one, size_weight=one))
     assert [values.size for values in lanes.rows_for(NO_WALL)[4:]] == [n] * 3 + [0] * 2
 
 
