@@ -704,6 +704,9 @@ def follows_the_input(made, method, *, scale=1.0, turn=0.0, shift=(0.0, 0.0), mi
 def scales_by_bits(made, method, power):
     """A power of two changes no bit but those of the exponent."""
     factor = 2.0**power
+    if method.max_move is not None:
+        # Not where that would round it, or be no length any more.
+        method = replace(method, max_move=min(max(method.max_move, 1e-200), 1e200))
     result = smooth(made.mesh, method)
     if method.max_move is not None:
         method = replace(method, max_move=method.max_move * factor)

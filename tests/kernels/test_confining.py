@@ -35,7 +35,7 @@ def test_the_nearest_place_of_a_disc_of_a_line_and_of_a_piece_of_one():
 
 @pytest.mark.nojit
 @pytest.mark.parametrize("place", [(math.nan, 1.0), (math.inf, 1.0), (-math.inf, math.inf)])
-def test_from_no_place_a_vertex_goes_back_to_where_it_was(place):
+def test_from_no_place_a_vertex_with_a_reach_goes_back_to_where_it_was(place):
     assert confine(0, *place, rails((2, 3), 1.0)) == (2.0, 3.0)
 
 

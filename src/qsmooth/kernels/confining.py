@@ -40,7 +40,8 @@ def confine(v: int, x: float, y: float, rails: Rails) -> tuple[float, float]:
     -------
     x, y
         On the line, up to the rounding of the coordinates, and within reach, as these numbers are
-        stored. Where the vertex was if there is no such number, or if (x, y) is not finite.
+        stored; where the vertex was if there are no such numbers. What is not finite is only put
+        back where there is a reach.
     """
     origin_x, origin_y = rails.origin[v, 0], rails.origin[v, 1]
     direction_x, direction_y, reach = rails.direction[v, 0], rails.direction[v, 1], rails.reach[v]

@@ -356,7 +356,9 @@ def moved(mesh: Mesh, xy: FloatArray) -> BoolArray:
     return marked
 
 
-def stored(mesh: Mesh, xy: FloatArray, freedom: Freedom, *, guarded: bool = True) -> Mesh:
+def stored(
+    mesh: Mesh, xy: FloatArray, freedom: Freedom | None = None, *, guarded: bool = True
+) -> Mesh:
     """Give the mesh its new coordinates, certified as they are stored, unless it is not guarded.
 
     In x and y what was certified is what is stored. Points of a tilted plane are rounded once
@@ -372,7 +374,9 @@ def stored(mesh: Mesh, xy: FloatArray, freedom: Freedom, *, guarded: bool = True
         was_valid = quality(mesh).validity == Validity.VALID
     while True:
         lost = was_valid & (quality(result).validity != Validity.VALID)
-        beyond = marked & freedom.beyond(result.points - mesh.points)
+        beyond = np.zeros_like(marked)
+        if freedom is not None:
+            beyond = marked & freedom.beyond(result.points - mesh.points)
         if not (lost.any() or beyond.any()):
             return result
         marked[mesh.cell_vertices[np.repeat(lost, mesh.topology.cell_sizes)]] = False
