@@ -234,7 +234,17 @@ def movable_vertices(mesh, method):
         movable &= vertices_of(mesh, select_cells(mesh, method.selection, method.selection_rings))
     if method.fixed is not None:
         movable &= ~select_vertices(mesh, method.fixed)
-    return movable
+    return movable | sliding_vertices(mesh, method)
+
+
+def sliding_vertices(mesh, method):
+    """Mark the vertices that may slide, as the method says; no others than those on lines."""
+    slides = np.zeros(mesh.n_vertices, np.bool_)
+    if method.boundary == "slide":
+        slides |= mesh.is_boundary
+    if method.interfaces == "slide":
+        slides |= mesh.is_interface
+    return slides & method.freedom(mesh).movable if slides.any() else slides
 
 
 # ------------------------------------------------------------------------------- one run
@@ -296,12 +306,16 @@ def worst_cell_keeps_its_quality(seen: Run):
 
 
 def what_must_rest_rests(seen: Run):
-    """Fixed vertices, interfaces, what is not selected and values keep their bits."""
+    """Fixed vertices, interfaces and what is not selected keep their bits, and values theirs."""
     mesh, points = seen.mesh, seen.result.points
     rests = ~movable_vertices(mesh, seen.method)
     assert points[rests].tobytes() == mesh.points[rests].tobytes(), "moved what is fixed"
     if mesh.surface == "flat":
-        assert points[:, 2:].tobytes() == mesh.points[:, 2:].tobytes(), "changed a value"
+        z, was = points[:, 2], mesh.points[:, 2]
+        if seen.method.carry == "keep":
+            assert z.tobytes() == was.tobytes(), "changed a value"
+        assert z.min() >= was.min(), "a value below all others"
+        assert z.max() <= was.max(), "a value over all others"
     assert np.isfinite(points).all(), "lost a vertex"
     assert all(
         np.array_equal(a, b) for a, b in zip(seen.result.mesh.cells, mesh.cells, strict=True)
@@ -319,6 +333,23 @@ def nothing_is_too_far(seen: Run):
         ux, uy = method.directions
         ulp = np.spacing(np.abs(points[:, :2]).max())
         assert (np.abs(moves[:, 0] * uy - moves[:, 1] * ux) <= 3.0 * ulp).all(), "off its line"
+
+
+def what_slides_stays_on_its_line(seen: Run):
+    """Vertices that slide are on the lines that they were on, but for rounding."""
+    mesh = seen.mesh
+    slides = sliding_vertices(mesh, seen.method) & (mesh.is_boundary | mesh.is_interface)
+    if not slides.any() or mesh.plane is not None:
+        return
+    on_line = mesh.is_boundary | mesh.is_interface
+    a = np.repeat(np.arange(mesh.n_vertices), np.diff(mesh.ring_offsets))
+    b = mesh.ring_vertices
+    both = on_line[a] & on_line[b] & (a < b)
+    start, step = mesh.xy[a[both]], mesh.xy[b[both]] - mesh.xy[a[both]]
+    away = seen.result.points[slides, None, :2] - start
+    share = np.clip((away * step).sum(axis=2) / (step * step).sum(axis=1), 0.0, 1.0)
+    off = np.linalg.norm(away - share[..., None] * step, axis=2).min(axis=1)
+    assert (off <= 4.0 * np.spacing(np.abs(mesh.xy).max())).all(), "left its line"
 
 
 def held_from(seen: Run):
@@ -572,12 +603,34 @@ def can_be_told(seen: Run):
     assert "\n" not in seen.result.reason
 
 
+def values_are_those_of_the_input(seen: Run):
+    """Each z is the one that some cell of the input has there, and the outcome says the change."""
+    mesh, result = seen.mesh, seen.result
+    flat = mesh.surface == "flat" and not np.array_equal(result.mesh.xy, mesh.xy)
+    assert [record.name for record in result.outcome.carried] == ["z"] * flat
+    if not flat:
+        return
+    (record,) = result.outcome.carried
+    moved = (result.mesh.xy != mesh.xy).any(axis=1)
+    assert record.vertices == moved.sum()
+    assert record.interpolated == (seen.method.carry == "interpolate")
+    change = np.abs(result.points - mesh.points)[moved, 2]
+    if record.interpolated:
+        assert record.largest == change.max(), "tells of another change"
+        np.testing.assert_allclose(record.rms, np.sqrt((change**2).mean()), rtol=1e-9, atol=0)
+    else:
+        again = smooth(mesh, replace(seen.method, carry="interpolate", callback=None))
+        assert record == replace(again.outcome.carried[0], interpolated=False)
+
+
 OF_ONE_RUN = [
     corners_stay_convex,
     invalid_cells_get_no_more,
     worst_cell_keeps_its_quality,
     what_must_rest_rests,
     nothing_is_too_far,
+    values_are_those_of_the_input,
+    what_slides_stays_on_its_line,
     figures_get_no_worse,
     trades_are_told,
     what_holds_back_is_told,
@@ -629,7 +682,9 @@ def bits_are_the_same(mesh, method, n_threads=2):
     with mock.patch.object(Threads, "run", Stepwise(calls.append).run):
         step_by_step = run(mesh, method)
     assert told(step_by_step) == told(once), "depends on what runs the colours"
-    assert len(calls) >= once.result.sweeps, "sweeps that no engine runs"
+    inside = movable_vertices(mesh, method) & ~sliding_vertices(mesh, method)
+    if inside.any():
+        assert len(calls) >= once.result.sweeps, "sweeps that no engine runs"
 
 
 def follows_the_input(made, method, *, scale=1.0, turn=0.0, shift=(0.0, 0.0), mirror=False):

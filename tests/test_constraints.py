@@ -160,13 +160,20 @@ def test_constraints_that_fit_no_mesh(mesh, options, message):
 
 
 @pytest.mark.nojit
+@pytest.mark.parametrize("fixed", [0.5, [0.5], [[1, 2]], {"a": 1}, [1, "x < 0"]])
+def test_what_can_be_no_vertices_is_refused_at_once(fixed):
+    with pytest.raises(ValueError, match="fixed must be vertex ids, a boolean mask"):
+        Constraints(fixed=fixed)
+
+
+@pytest.mark.nojit
 def test_vectors_of_any_length_are_directions():
     given_ = np.array([[3.0, 4.0], [1e-300, 0.0], [0.0, -1e300], [np.nan, np.nan]])
     made = Constraints(directions=given_).directions
     assert made[:3] == pytest.approx(np.array([[0.6, 0.8], [1.0, 0.0], [0.0, -1.0]]))
     assert np.isnan(made[3]).all()
-    assert Constraints(directions="3, 4").directions.tolist() == [0.6, 0.8]
-    assert Constraints(directions=(0, -2)).directions.tolist() == [0.0, -1.0]
+    assert Constraints(directions="3, 4").directions == (0.6, 0.8)
+    assert Constraints(directions=(0, -2)).directions == (0.0, -1.0)
 
 
 def test_directions_of_the_file_also_in_a_tilted_plane(mesh, tmp_path):
@@ -186,7 +193,7 @@ def test_directions_of_the_file_also_in_a_tilted_plane(mesh, tmp_path):
         smooth(read, "star", directions="heat")
 
 
-@pytest.mark.parametrize("method", ["star", "optimize"])
+@pytest.mark.parametrize("method", ["star", "optimize", "laplacian"])
 def test_no_move_is_longer_in_a_tilted_plane(mesh, method):
     points = 1e4 + tilt(mesh.points)
     result = smooth((points, mesh.cells), method, max_move=0.01)

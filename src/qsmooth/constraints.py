@@ -8,12 +8,21 @@ from typing import Any, Literal
 import numpy as np
 
 from qsmooth._types import BoolArray, FloatArray
+from qsmooth.curves import checked_curve, parse_curve
 from qsmooth.kernels.rails import FREE, Rails
 from qsmooth.mesh import Mesh
 from qsmooth.metrics.bounds import Kept, kept_by
 from qsmooth.numbering import Inside
-from qsmooth.options import Options, opaque, option
-from qsmooth.selection import parse_selection, read_ids, select_cells, select_vertices
+from qsmooth.options import OptionError, Options, opaque, option
+from qsmooth.outline import Chains, find_chains
+from qsmooth.selection import (
+    check_vertices,
+    parse_selection,
+    parse_vertices,
+    read_ids,
+    select_cells,
+    select_vertices,
+)
 from qsmooth.vectors import directions_of, parse_directions, shortest_edges, transition
 
 # Of the largest coordinate of points in a tilted plane: more than their rounding.
@@ -40,6 +49,10 @@ class Freedom:
         Unit vectors along which alone they may move, NaN for any direction; None for all.
     rounding
         A length that a move may grow by when it is stored: in a tilted plane.
+    chains
+        Lines along which some of `movable` slide, of the caller's vertices; None where none does.
+    tolerance
+        How far an edge on these may be from its line, as a share of the edge.
     by_edge : (n_vertices,) or None
         What share of its shortest edge each may come, infinite for any; None for all. That is in
         `reach` already, as the edges were.
@@ -52,6 +65,8 @@ class Freedom:
     reach: FloatArray | None = None
     directions: FloatArray | None = None
     rounding: float = 0.0
+    chains: Chains | None = None
+    tolerance: float = 0.0
     by_edge: FloatArray | None = None
 
     @property
@@ -119,6 +134,7 @@ class Constraints(Options):
     fixed: Any = opaque(
         None,
         metavar="VERTICES",
+        parse=parse_vertices,
         help="Vertices that stay besides those that do anyway: ids, as in 3,7,12 (in Python also a "
         "mask); conditions, as in 'x < 0 and y >= 1.5'; or what the file has by name: point sets, "
         "physical groups, markers, cell sets.",
@@ -152,6 +168,7 @@ class Constraints(Options):
     curve: Any = opaque(
         None,
         metavar="FILE",
+        parse=parse_curve,
         help="What sliding vertices slide along instead of the mesh's own outline: a finer "
         "polyline (in Python also a function that projects places onto a curve).",
     )
@@ -177,6 +194,17 @@ class Constraints(Options):
         super().__post_init__()
         if isinstance(self.selection, str):
             parse_selection(self.selection)
+        if self.curve is not None:
+            object.__setattr__(self, "curve", checked_curve(self.curve))
+            if "slide" not in (self.boundary, self.interfaces):
+                raise OptionError("`curve` needs `boundary='slide'` or `interfaces='slide'`")
+        if self.interfaces == "slide" and not self.keep_interfaces:
+            raise OptionError(
+                "`interfaces='slide'` keeps vertices on the lines between regions, and "
+                "`keep_interfaces=False` lets them leave these: take one of the two"
+            )
+        if self.fixed is not None:
+            check_vertices(self.fixed)
         if self.directions is not None:
             object.__setattr__(self, "directions", parse_directions(self.directions))
 
@@ -189,7 +217,7 @@ class Constraints(Options):
             Where a constraint does not fit the mesh.
         """
         topology, cells, shares = mesh.topology, None, None
-        kept = kept_by(topology, self.keep_interfaces)
+        kept: list[Kept] = []
         if self.fixed is not None:
             kept.append(("vertices given as fixed", select_vertices(mesh, self.fixed)))
         if self.fixed_file is not None:
@@ -199,6 +227,16 @@ class Constraints(Options):
             chosen = select_cells(mesh, self.selection)
             cells, shares = transition(mesh, chosen, self.selection_rings)
             kept.append(("vertices outside the selection", shares == 0.0))
+        directions = None if self.directions is None else directions_of(mesh, self.directions)
+        stays = [marks for _, marks in kept]
+        if directions is not None:
+            stays.append(~np.isnan(directions[:, 0]))
+        chains = self._chains(mesh, stays)
+        slide = np.zeros(mesh.n_vertices, np.bool_)
+        if chains is not None:
+            slide = chains.sliding(mesh.n_vertices)
+        own = kept_by(topology, self.keep_interfaces)
+        kept = [*((words, marks & ~slide) for words, marks in own), *kept]
         by_edge = self._by_edge(mesh, shares)
         return Freedom(
             movable=~np.logical_or.reduce([marks for _, marks in kept]),
@@ -206,10 +244,29 @@ class Constraints(Options):
             cells=cells,
             origin=mesh.xy,
             reach=self._reach(mesh, by_edge),
-            directions=None if self.directions is None else directions_of(mesh, self.directions),
+            directions=directions,
             rounding=0.0 if mesh.plane is None else ROUNDING * float(np.abs(mesh.points).max()),
+            chains=chains,
+            tolerance=self.outline_tolerance,
             by_edge=by_edge,
         )
+
+    def _chains(self, mesh: Mesh, stays: list[BoolArray]) -> Chains | None:
+        """Find the lines along which vertices slide, but for those marked, (n_vertices,) each."""
+        if "slide" not in (self.boundary, self.interfaces):
+            return None
+        may = np.ones(mesh.n_vertices, np.bool_)
+        for marks in stays:
+            may &= ~marks
+        chains = find_chains(
+            mesh,
+            may,
+            boundary=self.boundary == "slide",
+            interfaces=self.interfaces == "slide",
+            corner_angle=self.corner_angle,
+            curve=self.curve,
+        )
+        return chains if chains.inner.size else None
 
     def _by_edge(self, mesh: Mesh, shares: FloatArray | None) -> FloatArray | None:
         """What share of its shortest edge each vertex may come, (n_vertices,).

@@ -43,7 +43,7 @@ class Mesh:
         What a third coordinate means. ``"auto"``: the points must lie in one plane (to 1e-9 of
         the mesh's diameter, or to the rounding of coordinates that have few digits), which is then
         smoothed in. ``"flat"``: x and y are the geometry, and
-        z is a value that is carried along, as the depth in a hydrodynamic mesh.
+        z is a value that belongs to places, as the depth in a hydrodynamic mesh.
     fixed : (n,) bool, or vertex ids
         Vertices that must not move, besides those on the boundary.
     regions : (n_cells,) integers
@@ -274,6 +274,22 @@ class Mesh:
         mesh._topology = Topology(
             self.n_vertices, mesh._cells, self._topology.given_fixed, regions, self._topology.lines
         )
+        return mesh
+
+    def with_values(self, points: FloatArray | None, source: object) -> Mesh:
+        """Give the mesh other values at the same places; for `qsmooth.carrying`.
+
+        Parameters
+        ----------
+        points : (n, 3) or None
+            With another z, which is no part of the geometry; not checked.
+        source
+            Its file's content, with other point data.
+        """
+        mesh = self._copy()
+        mesh._source = source
+        if points is not None:
+            mesh._points = read_only(points)
         return mesh
 
     def with_source(self, source: object, lines: IndexArray) -> Mesh:

@@ -54,9 +54,9 @@ def parse_threshold(text: str) -> tuple[str, str, float]:
     if match is None or match[1].replace("-", "_") not in METRICS:
         near = "" if match is None else did_you_mean(match[1], METRICS)
         raise OptionError(
-            "`selection` takes cell ids such as 3,7,12, a region such as 'region == 3', a polygon "
-            "such as 'polygon: 0,0 1,0 1,1' or a threshold such as 'max_angle > 150' on "
-            f"one of {', '.join(METRICS)}; got {text!r}{near}"
+            "`selection` takes cell ids such as 3,7,12 or a threshold such as 'max_angle > 150' on "
+            f"one of {', '.join(METRICS)}; or a region, as in 'region == 3', or a polygon, as in "
+            f"'polygon: 0,0 1,0 1,1'; got {text!r}{near}"
         )
     name, comparison, number = match.groups()
     try:
@@ -77,7 +77,7 @@ def parse_selection(text: str) -> list[Any] | str:
         If it is none of these.
     """
     if _IDS.fullmatch(text):
-        return [int(number) for number in re.split(r"[\s,]+", text.strip(" ,"))]
+        return _ids(text)
     if match := _POLYGON.fullmatch(text):
         pairs: list[list[float]] = _read_polygon(match[1]).tolist()
         return pairs
@@ -189,6 +189,26 @@ def _in_polygon(mesh: Mesh, polygon: npt.NDArray[Any]) -> BoolArray:
 # ------------------------------------------------------------------------------- vertices
 
 
+def parse_vertices(text: str) -> list[int] | str:
+    """Take vertex ids such as ``"3,7,12"`` as a list; a condition or a name stays."""
+    return _ids(text) if _IDS.fullmatch(text) else text
+
+
+def check_vertices(given: Any) -> None:
+    """Refuse what can be no vertices of any mesh.
+
+    Raises
+    ------
+    OptionError
+        If it is neither text, nor several, nor ids, nor a mask.
+    """
+    if isinstance(given, str) or _are_texts(given):
+        return
+    array = np.asarray(given)
+    if array.size and (array.dtype.kind not in "biu" or array.ndim != 1):
+        raise OptionError(f"`fixed` must be vertex ids, {_OTHERWISE['fixed']}")
+
+
 def select_vertices(mesh: Mesh, given: Any) -> BoolArray:
     """Mark vertices: those of an option such as `fixed`.
 
@@ -210,7 +230,7 @@ def select_vertices(mesh: Mesh, given: Any) -> BoolArray:
     """
     if isinstance(given, str):
         return _by_text(mesh, given)
-    if isinstance(given, (list, tuple)) and given and all(isinstance(t, str) for t in given):
+    if _are_texts(given):
         chosen: BoolArray = np.logical_or.reduce([_by_text(mesh, text) for text in given])
         return chosen
     return marked(np.asarray(given), mesh.n_vertices, "vertex", "fixed")
@@ -228,7 +248,7 @@ def read_ids(path: str | Path, option: str) -> list[int]:
     if text.strip() and not _IDS.fullmatch(text):
         word = next(w for w in re.split(r"[\s,]+", text) if w and not w.isdigit())
         raise OptionError(f"`{option}` takes a file of vertex ids, and '{path}' has {word!r}")
-    return [int(number) for number in re.findall(r"\d+", text)]
+    return _ids(text)
 
 
 def marked(array: npt.NDArray[Any], n: int, what: str, option: str) -> BoolArray:
@@ -273,8 +293,7 @@ def _by_text(mesh: Mesh, text: str) -> BoolArray:
     chosen = np.zeros(mesh.n_vertices, np.bool_)
     for part in filter(None, (part.strip() for part in text.split(","))):
         if _IDS.fullmatch(part):
-            ids = np.array([int(number) for number in part.split()])
-            chosen |= marked(ids, mesh.n_vertices, "vertex", "fixed")
+            chosen |= marked(np.array(_ids(part)), mesh.n_vertices, "vertex", "fixed")
             continue
         found = vertices_of_group(mesh, part)
         chosen |= _by_conditions(mesh, part) if found is None else found
@@ -295,6 +314,18 @@ def _by_conditions(mesh: Mesh, text: str) -> BoolArray:
                 f"and names; {_listed('names', known)}; got {text!r}{did_you_mean(text, known)}"
             ) from None
     return chosen
+
+
+def _are_texts(given: Any) -> bool:
+    return (
+        isinstance(given, (list, tuple))
+        and bool(given)
+        and all(isinstance(text, str) for text in given)
+    )
+
+
+def _ids(text: str) -> list[int]:
+    return [int(number) for number in re.findall(r"\d+", text)]
 
 
 def _listed(what: str, known: Sequence[str]) -> str:

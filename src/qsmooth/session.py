@@ -114,8 +114,8 @@ class Smoother:
         with self._alone():
             mesh = self._mesh.with_points(points)
             if isinstance(self._method, Optimize) and not callable(self._method.target):
-                return self._method.run(mesh, self._chosen, self._read())
-            return self._method.run(mesh, self._chosen)
+                return self._method.smooth(mesh, self._chosen, self._read())
+            return self._method.smooth(mesh, self._chosen)
 
     def step(
         self, points: FloatArray, out: FloatArray | None = None, *, max_sweeps: int = STEP_SWEEPS

@@ -44,8 +44,8 @@ def smooth(
         most that there can be, None where that is not known. By default nothing is shown.
     options
         Options of the method, described there. All have ``max_sweeps``, ``time_limit``,
-        ``threads``, ``callback``, and the fields of `Constraints`: ``fixed``, ``max_move``,
-        ``directions``, ``selection`` and others.
+        ``threads``, ``callback``, ``carry``, ``interpolate``, and the fields of `Constraints`:
+        ``fixed``, ``max_move``, ``directions``, ``selection`` and others.
 
     Returns
     -------
@@ -65,7 +65,7 @@ def smooth(
     """
     method, chosen = method_of(method, options, constraints)
     with watched(method, progress) as shown:
-        return shown.run(to_mesh(mesh), chosen)
+        return shown.smooth(to_mesh(mesh), chosen)
 
 
 def untangle(
@@ -101,7 +101,7 @@ def untangle(
     """
     given = _with_constraints(options, constraints)
     with watched(all_methods()["untangle"].of(given), progress) as shown:
-        return shown.run(to_mesh(mesh))
+        return shown.smooth(to_mesh(mesh))
 
 
 def compare(
@@ -143,7 +143,7 @@ def compare(
     skipped = {name: spelled(why) for name, m in chosen.items() if (why := m.why_not(mesh))}
     if len(chosen) == 1:
         skipped = {}  # asked for alone it says itself why it can't
-    return {name: m.run(mesh) for name, m in chosen.items() if name not in skipped}, skipped
+    return {name: m.smooth(mesh) for name, m in chosen.items() if name not in skipped}, skipped
 
 
 def numbered(chosen: Iterable[Method]) -> dict[str, Method]:

@@ -15,28 +15,28 @@ from qsmooth.mesh import Mesh
 from qsmooth.options import OptionError
 from qsmooth.selection import vertices_of
 
-_NUMBERS = re.compile(r"\s*([-+.\deE]+)\s*,\s*([-+.\deE]+)\s*(?:,\s*([-+.\deE]+)\s*)?")
+_NUMBERS = re.compile(r"\s*([-+.\deE]+)\s*,\s*([-+.\deE]+)\s*")
 
 
 def parse_directions(given: Any) -> Any:
-    """Take directions: a name stays, all else becomes unit vectors, (n, 2), or (2,) for all.
+    """Take directions: a name stays, all else becomes unit vectors, (n, 2), or a pair for all.
 
     Raises
     ------
     OptionError
-        If they are neither, or one has no length.
+        If they are none of these, or one has no length.
     """
     if isinstance(given, str):
         match = _NUMBERS.fullmatch(given)
         if match is None:
             return given
-        given = [_number(word) for word in match.groups()[:2]]
+        given = [_number(word) for word in match.groups()]
     try:
         array = np.array(given, np.float64)
     except (TypeError, ValueError):
         array = np.empty(())
     if array.shape == (2,):
-        return unit_vectors(array[None, :])[0]
+        return tuple(unit_vectors(array[None, :])[0].tolist())
     if array.ndim != 2 or array.shape[1] != 2:
         got = f"numbers of the shape {array.shape}" if array.ndim else repr(given)
         raise OptionError(

@@ -142,6 +142,32 @@ def test_ideal_shapes_of_any_size_ask_for_nothing(kind):
 
 
 @pytest.mark.nojit
+def test_what_no_block_asks_for_has_no_rows():
+    mesh = random_mesh("mixed", 5, seed=1).mesh
+    blocks, corners, (shapes, area, size_weight, slim) = asked_of(mesh)
+    one, n = np.ones(mesh.n_cells), blocks.cells.size
+    of_groups = []
+    for figures in (np.zeros_like(slim), slim), (one, slim), (np.zeros_like(slim), one):
+        rows = make_rows(blocks, corners, shapes, area, *figures, one, 0)
+        sizes = [values.size for values in rows[1:]]
+        of_groups.append([set(sizes[:3]), set(sizes[3:6]), set(sizes[6:])])
+    assert of_groups == [[{0}, {0}, {0}], [{0}, {n}, {0}], [{0}, {0}, {n}]]
+    rows = make_rows(blocks, corners, 2.0 * shapes, area, size_weight, slim, one, 0)
+    assert [values.size for values in rows[1:]] == [n] * 3 + [0] * 5
+
+
+@pytest.mark.nojit
+def test_ideal_shapes_need_no_corners():
+    mesh = random_mesh("mixed", 5, seed=1).mesh
+    blocks, corners, asked = asked_of(mesh)
+    weight, wanted = np.linspace(0.5, 2.0, mesh.n_cells), SHAPES | SIZES | WALLS
+    looked_up = make_rows(blocks, corners, *asked, weight, wanted)
+    known = make_rows(blocks, corners[:0], *asked, weight, wanted)
+    for first, second in zip(looked_up, known, strict=True):
+        assert first.tobytes() == second.tobytes()
+
+
+@pytest.mark.nojit
 def test_a_block_asks_for_what_one_of_its_rows_does():
     mesh = random_mesh("mixed", 6, seed=1).mesh
     blocks, corners, (shapes, area, size_weight, slim) = asked_of(mesh)

@@ -59,8 +59,9 @@ def compare(
         ],
         "skipped": skipped,
     }
-    if not terminal.write_json(json_file, facts):
-        show(str(mesh_file), results, skipped)
+    with files.Outputs() as outputs:
+        if not outputs.put_json(json_file, facts):
+            show(str(mesh_file), results, skipped)
 
 
 def method_names(text: str) -> list[str]:

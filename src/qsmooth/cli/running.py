@@ -49,34 +49,33 @@ def method_with(name: str, options: Mapping[str, Any]) -> tuple[Method, str]:
 def run(mesh: Mesh, method: Method, why: str = "") -> SmoothResult:
     """Smooth a mesh, and show how far it is."""
     with progress(method) as callback:
-        return replace(method, callback=callback).run(mesh, why)
+        return replace(method, callback=callback).smooth(mesh, why)
 
 
-def run_to_file(
-    mesh: Mesh, method: Method, output: Path, *, why: str = "", format: str | None, keep_best: bool
+def run_to_end(
+    mesh: Mesh, method: Method, output: Path, why: str = "", *, format: str | None, keep: bool
 ) -> SmoothResult:
-    """Smooth a mesh and write it; of a run that is interrupted, if wanted, the best so far.
+    """Smooth a mesh; of a run that is interrupted write, if it is to be kept, the best so far.
 
     Raises
     ------
     InterruptedRunError
         After that. A file that is there already is left as it was.
     """
-    from qsmooth.io import write_mesh
-
-    with held_interrupt(keep_best) as interrupt, progress(method) as shown:
+    with held_interrupt(keep) as interrupt, progress(method) as shown:
 
         def callback(record: SweepRecord) -> bool:
             if shown is not None:
                 shown(record)
             return interrupt.asked
 
-        result = replace(method, callback=callback).run(mesh, why)
+        result = replace(method, callback=callback).smooth(mesh, why)
     if not interrupt.asked:
-        write_mesh(output, result.mesh, format=format)
         return result
     if output.exists():
         raise InterruptedRunError(f"interrupted, '{output}' is left as it was")
+    from qsmooth.io import write_mesh
+
     write_mesh(output, result.mesh, format=format)
     raise InterruptedRunError(f"interrupted, wrote the best so far, {output}")
 

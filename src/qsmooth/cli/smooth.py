@@ -53,6 +53,7 @@ def smooth(
 
     Boundary vertices stay. OUT keeps everything that IN holds but the coordinates.
     """
+    from qsmooth.io import write_mesh
     from qsmooth.metrics import find_metric
     from qsmooth.output import tables
 
@@ -67,17 +68,9 @@ def smooth(
     options = options or {}
     chosen, why = running.method_with(method, options)
     mesh = files.read(mesh_file, surface, format)
-    files.require_format(output, mesh, output_format)
-    result = running.run_to_file(
-        mesh, chosen, output, why=why, format=output_format, keep_best=keep_best
-    )
+    files.require_format(output, mesh, output_format, chosen.interpolate)
+    result = running.run_to_end(mesh, chosen, output, why, format=output_format, keep=keep_best)
     limits = running.limits_of(mesh, result, chosen)
-    written = [output]
-    if plot is not None:
-        from qsmooth.output.figures import save_figures
-
-        save_figures(mesh, result, plot, metric=plot_metric)
-        written.append(plot)
     facts = {
         "input": str(mesh_file),
         "output": str(output),
@@ -85,10 +78,18 @@ def smooth(
         **result.to_dict(),
         "limits": limits.to_dict(),
     }
-    if terminal.write_json(json_file, facts):
-        return
-    terminal.write_heading(f"{mesh_file}: {tables.size_text(result.before)}")
-    terminal.write_table(tables.change_table(result.before, result.after))
-    running.show_outcome(result)
-    running.show_limits(limits)
-    terminal.write_line(f"Wrote {' and '.join(map(str, written))}")
+    with files.Outputs() as outputs:
+        outputs.put(output, lambda: write_mesh(output, result.mesh, format=output_format))
+        if plot is not None:
+            from qsmooth.output.figures import save_figures
+
+            outputs.put(plot, lambda: save_figures(mesh, result, plot, metric=plot_metric))
+        written = outputs.written[:]
+        if outputs.put_json(json_file, facts):
+            return
+        terminal.write_heading(f"{mesh_file}: {tables.size_text(result.before)}")
+        terminal.write_table(tables.change_table(result.before, result.after))
+        running.show_outcome(result)
+        running.show_limits(limits)
+        if written:
+            terminal.write_line(f"Wrote {' and '.join(map(str, written))}")

@@ -7,15 +7,15 @@ warnings and errors go to standard error.
 from __future__ import annotations
 
 import contextlib
-import json
 import logging
 import signal
 import sys
 import textwrap
 import threading
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
+
+from qsmooth.kernels import compiling
 
 if TYPE_CHECKING:
     from qsmooth.methods.base import Method
@@ -91,20 +91,6 @@ def write_title(text: str) -> None:
         write(text)
 
 
-def write_json(path: Path | None, facts: dict[str, Any]) -> bool:
-    """Write facts as JSON; True if that went to standard output in place of the tables."""
-    from qsmooth._json import finite
-
-    if path is None:
-        return False
-    text = json.dumps(finite(facts), indent=2, allow_nan=False)
-    if path == Path("-"):
-        write(text)
-        return True
-    path.write_text(text + "\n", encoding="utf-8")
-    return False
-
-
 def say(text: str) -> None:
     """Print one line on standard error."""
     line = "qsmooth: " + " ".join(str(text).split())
@@ -114,16 +100,18 @@ def say(text: str) -> None:
         sys.stderr.flush()
 
 
-class _OnTerminal(logging.Handler):
+class _Saying(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
-        if _is_terminal(sys.stderr):
+        if record.msg != compiling.MESSAGE:
+            say(f"warning: {record.getMessage()}")
+        elif _is_terminal(sys.stderr):
             say(record.getMessage())
 
 
 @contextlib.contextmanager
 def told_of_compiling() -> Iterator[None]:
-    """Say on a terminal that kernels compile, which takes seconds and happens once."""
-    logger, handler = logging.getLogger("qsmooth"), _OnTerminal()
+    """Say what is logged; only on a terminal that kernels compile, which happens once."""
+    logger, handler = logging.getLogger("qsmooth"), _Saying()
     logger.addHandler(handler)
     try:
         yield

@@ -6,10 +6,11 @@ that none that is stored is anywhere but where the vertex may be.
 
 import math
 
+import numpy as np
 from numba import prange
 
-from qsmooth._types import FloatArray, TableArray
-from qsmooth.kernels._jit import helper, inlined_helper, parallel_kernel, strict_helper
+from qsmooth._types import FloatArray, IndexArray, SingleArray, TableArray
+from qsmooth.kernels._jit import helper, inlined_helper, kernel, parallel_kernel, strict_helper
 from qsmooth.kernels.rails import Rails
 
 # A place is within reach if the square of its distance falls short of that of the reach by this
@@ -106,3 +107,67 @@ def confine_places(xy: FloatArray, vertices: TableArray, rails: Rails) -> None:
         v = vertices[i]
         x, y = confine(v, xy[v, 0], xy[v, 1], rails)
         xy[v, 0], xy[v, 1] = x, y
+
+
+@kernel()
+def project_system(
+    xy: FloatArray,
+    vertices: IndexArray,
+    offsets: IndexArray,
+    columns: TableArray,
+    rails: Rails,
+    unit: float,
+    gradient: FloatArray,
+    values: SingleArray,
+    tangents: FloatArray,
+) -> None:
+    """Leave a linear system only what the vertices may still do, each along its tangent.
+
+    Blocks stay as many: across its tangent a vertex has an equation of its own, with the solution
+    zero.
+
+    Parameters
+    ----------
+    vertices : (n_unknown,)
+        The vertex of each row.
+    offsets, columns
+        As in `shape_hessian.block_pattern`.
+    unit
+        What coordinates are divided by in the system.
+    gradient, values : (n_unknown, 2), (n_blocks, 2, 2)
+        As `shape_hessian.assemble` leaves them. Changed in place.
+    tangents : (n_unknown, 2)
+        Overwritten: as `tangent` finds them, 0 where a vertex is free.
+    """
+    bends = np.empty(vertices.size)
+    for i in range(vertices.size):
+        v, gx, gy = vertices[i], gradient[i, 0], gradient[i, 1]
+        tx, ty, bends[i] = tangent(v, xy[v, 0], xy[v, 1], gx, gy, rails)
+        tangents[i, 0], tangents[i, 1] = tx, ty
+        if tx != 0.0 or ty != 0.0:
+            slope = gx * tx + gy * ty
+            gradient[i, 0], gradient[i, 1] = slope * tx, slope * ty
+    for row in range(vertices.size):
+        tx, ty = tangents[row, 0], tangents[row, 1]
+        on_rail = tx != 0.0 or ty != 0.0
+        for k in range(offsets[row], offsets[row + 1]):
+            column = columns[k]
+            b = values[k]
+            trace = b[0, 0] + b[1, 1]
+            if on_rail:
+                along_x, along_y = tx * b[0, 0] + ty * b[1, 0], tx * b[0, 1] + ty * b[1, 1]
+                b[0, 0], b[0, 1], b[1, 0], b[1, 1] = (
+                    tx * along_x, tx * along_y, ty * along_x, ty * along_y,
+                )  # fmt: skip
+            sx, sy = tangents[column, 0], tangents[column, 1]
+            if sx != 0.0 or sy != 0.0:
+                along_x, along_y = b[0, 0] * sx + b[0, 1] * sy, b[1, 0] * sx + b[1, 1] * sy
+                b[0, 0], b[0, 1], b[1, 0], b[1, 1] = (
+                    along_x * sx, along_x * sy, along_y * sx, along_y * sy,
+                )  # fmt: skip
+            if on_rail and column == row:
+                bend = unit * bends[row]
+                b[0, 0] += trace * ty * ty + bend * tx * tx
+                b[1, 1] += trace * tx * tx + bend * ty * ty
+                b[0, 1] += (bend - trace) * tx * ty
+                b[1, 0] += (bend - trace) * tx * ty

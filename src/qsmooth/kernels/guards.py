@@ -93,22 +93,19 @@ def _judge_corner(
 
 
 @helper()
-def _try(
-    star: FloatArray,
-    s: FloatArray,
-    vertices: TableArray,
-    block: Block,
-    fraction: float,
-    rails: Rails,
-) -> None:
-    """Put the vertices at a fraction of their steps; certify and score what they see."""
-    n, quads = block.size, block.n_quads
+def _place(s: FloatArray, n: int, fraction: float) -> None:
+    """Put the vertices at a fraction of their steps."""
     for i in range(n):
         s[PX + i] = s[X + i] + fraction * s[SX + i]
         s[PY + i] = s[Y + i] + fraction * s[SY + i]
+
+
+@helper()
+def _try(star: FloatArray, s: FloatArray, block: Block) -> None:
+    """Certify and score what the vertices see at their trial places."""
+    n, quads = block.size, block.n_quads
+    for i in range(n):
         s[CERTAIN + i], s[SCORE + i] = 1.0, np.inf
-    if fraction > 0.0 and confined(rails):
-        confine_lanes(s, PX, PY, (n - n, n), vertices, block.first, rails)
     for k in range(quads):
         at = k * ROW6
         for i in range(n):
@@ -172,13 +169,8 @@ def judge_ratios(star: FloatArray, s: FloatArray, block: Block) -> None:
 
 
 @helper()
-def _keep_clearances(
-    lines: FloatArray, s: FloatArray, block: Block, fraction: float, rails: Rails
-) -> None:
-    """Find the clearances that are left at the trial places, a fraction of each step away."""
-    if not confined(rails):
-        keep_clearances(lines, s, block, fraction)
-        return
+def _keep_clearances(lines: FloatArray, s: FloatArray, block: Block) -> None:
+    """Find the clearances that are left at trial places that are no fraction of the steps away."""
     for i in range(block.size):
         s[FIRST_X + i], s[FIRST_Y + i] = s[SX + i], s[SY + i]
         s[SX + i], s[SY + i] = s[PX + i] - s[X + i], s[PY + i] - s[Y + i]
@@ -308,17 +300,23 @@ def guarded_moves(
     lengths, shares : (n_movable,)
         As in `stars.Moves`: overwritten for this block.
     """
-    n = block.size
+    n, on_rails = block.size, confined(rails)
     left = _want(s, n, guard)
     for attempt in range(len(TRIALS)):
         if left == 0:
             break
-        _try(star, s, vertices, block, TRIALS[attempt], rails)
+        _place(s, n, TRIALS[attempt])
+        if on_rails and attempt != PRESENT:
+            confine_lanes(s, PX, PY, (n - n, n), vertices, block.first, rails)
+        _try(star, s, block)
         if attempt == PRESENT:
             _ask_no_more(star, s, block)
             continue
         if guard.fenced:
-            _keep_clearances(lines, s, block, TRIALS[attempt], rails)
+            if on_rails:
+                _keep_clearances(lines, s, block)
+            else:
+                keep_clearances(lines, s, block, TRIALS[attempt])
         if guard.even:
             judge_ratios(star, s, block)
         left = _accept(s, n)

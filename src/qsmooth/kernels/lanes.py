@@ -13,7 +13,7 @@ import numpy as np
 from qsmooth._types import FloatArray, TableArray
 from qsmooth.kernels._jit import helper, lane_helper
 from qsmooth.kernels.blocks import Block, lane_row
-from qsmooth.kernels.confining import confine, confined, tangent
+from qsmooth.kernels.confining import confine, tangent
 from qsmooth.kernels.corner_energy import Linear, Quadratic, hessian, quotient
 from qsmooth.kernels.rails import Rails
 
@@ -175,14 +175,7 @@ def confine_lanes(
 
 
 @helper()
-def start_trial(
-    s: FloatArray,
-    lanes: LaneRange,
-    fraction: float,
-    vertices: TableArray,
-    first: int,
-    rails: Rails,
-) -> None:
+def start_trial(s: FloatArray, lanes: LaneRange, fraction: float) -> None:
     """Put each lane's vertex at a fraction of its step, and clear what is summed up there."""
     for i in range(lanes[0], lanes[1]):
         s[PX + i] = s[X + i] + fraction * s[SX + i]
@@ -190,8 +183,6 @@ def start_trial(
         s[TRIAL + i] = 0.0
         s[MARGIN + i] = np.inf
         s[HELD + i] = np.inf
-    if confined(rails):
-        confine_lanes(s, PX, PY, lanes, vertices, first, rails)
 
 
 @helper()

@@ -36,11 +36,14 @@ from qsmooth.kernels.lanes import (
     MOST_RATIO,
     MOST_SHAPE,
     N_ROWS,
+    PX,
+    PY,
     ROW0,
     ROW2,
     ROW4,
     ROW6,
     TODO,
+    confine_lanes,
     gather_block,
     newton_step,
     start_trial,
@@ -167,7 +170,8 @@ def _move_block(
         if sized:
             add_size(star_xy, s, at, at + ROW2, n, sizes, k_row, terms.mean_weight)
     left = newton_step(s, n)
-    if confined(rails):
+    on_rails = confined(rails)
+    if on_rails:
         left = steps_on_rails(s, vertices, block.first, n, rails)
     nobody = n - n  # zero of its type
     fraction = relaxation
@@ -183,7 +187,9 @@ def _move_block(
             first = lanes[1]
             if alone and s[TODO + lanes[0]] == 0.0:
                 continue
-            start_trial(s, lanes, fraction, vertices, block.first, rails)
+            start_trial(s, lanes, fraction)
+            if on_rails:
+                confine_lanes(s, PX, PY, lanes, vertices, block.first, rails)
             for k in range(quads):
                 at, own, k_row = k * ROW6, first_shape + k * next_shape, row + k * n
                 if walled:

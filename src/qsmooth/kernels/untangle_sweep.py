@@ -43,6 +43,7 @@ from qsmooth.kernels.lanes import (
     X,
     Y,
     add_energy,
+    confine_lanes,
     gather_block,
     newton_step,
     start_trial,
@@ -131,6 +132,35 @@ def try_triangle(star: FloatArray, s: FloatArray, k: int, n: int) -> None:
 
 
 @helper()
+def add_regularised(
+    star_xy: FloatArray,
+    s: FloatArray,
+    vertices: TableArray,
+    block: Block,
+    sizes: FloatArray,
+    epsilon: float,
+) -> None:
+    """Add up the regularised energy of each star of a block, and its derivatives."""
+    n, quads = block.size, block.n_quads
+    for i in range(n):
+        s[SOFT + i] = epsilon * sizes[vertices[block.first + i]]
+    for k in range(quads):
+        add_quad(star_xy, s, k * ROW6, n)
+    for k in range(block.n_triangles):
+        add_triangle(star_xy, s, quads * ROW6 + k * ROW4, n)
+
+
+@helper()
+def try_regularised(star_xy: FloatArray, s: FloatArray, block: Block) -> None:
+    """Add up the regularised energy of each star of a block at the trial places."""
+    n, quads = block.size, block.n_quads
+    for k in range(quads):
+        try_quad(star_xy, s, k * ROW6, n)
+    for k in range(block.n_triangles):
+        try_triangle(star_xy, s, quads * ROW6 + k * ROW4, n)
+
+
+@helper()
 def _move_block(
     xy: FloatArray,
     vertices: TableArray,
@@ -145,27 +175,21 @@ def _move_block(
     lengths: FloatArray,
 ) -> None:
     gather_block(xy, vertices, stars, block, star_xy, s, lengths)
-    n, quads, triangles = block.size, block.n_quads, block.n_triangles
-    for i in range(n):
-        s[SOFT + i] = epsilon * sizes[vertices[block.first + i]]
-    triangle_rows = quads * ROW6
-    for k in range(quads):
-        add_quad(star_xy, s, k * ROW6, n)
-    for k in range(triangles):
-        add_triangle(star_xy, s, triangle_rows + k * ROW4, n)
+    n = block.size
+    add_regularised(star_xy, s, vertices, block, sizes, epsilon)
     left = newton_step(s, n)
-    if confined(rails):
+    on_rails = confined(rails)
+    if on_rails:
         left = steps_on_rails(s, vertices, block.first, n, rails)
     everyone = (n - n, n)  # of one type
     fraction = relaxation
     for attempt in range(len(FRACTIONS) + 1):
         if left == 0.0:
             break
-        start_trial(s, everyone, fraction, vertices, block.first, rails)
-        for k in range(quads):
-            try_quad(star_xy, s, k * ROW6, n)
-        for k in range(triangles):
-            try_triangle(star_xy, s, triangle_rows + k * ROW4, n)
+        start_trial(s, everyone, fraction)
+        if on_rails:
+            confine_lanes(s, PX, PY, everyone, vertices, block.first, rails)
+        try_regularised(star_xy, s, block)
         # No margin is asked for: the mesh need not be valid.
         left = store_better(xy, vertices, block, everyone, s, lengths)
         fraction = FRACTIONS[min(attempt, len(FRACTIONS) - 1)]

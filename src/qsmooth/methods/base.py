@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar, TypeAlias
 
+from qsmooth.carrying import Carry, carried, parse_names, require_data
 from qsmooth.constraints import Constraints
 from qsmooth.mesh import Mesh
 from qsmooth.options import OptionError, opaque, option
@@ -60,6 +61,19 @@ class Method(Constraints):
         default_words="by size",
         help="How many threads; the result does not depend on it.",
     )
+    carry: Carry = option(
+        "interpolate",
+        help="What becomes of z on a flat mesh: interpolate, it is found anew in the input mesh, "
+        "where each vertex has come to; keep, it is carried along.",
+    )
+    interpolate: Any = option(
+        (),
+        metavar="NAMES",
+        default_words="none",
+        parse=parse_names,
+        help="Point data of the file to interpolate in the same way, floats only, with commas "
+        "between (in Python also a list); all other data stays with its vertices.",
+    )
     callback: Callback | None = opaque(
         None,
         flag=None,
@@ -69,6 +83,7 @@ class Method(Constraints):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        object.__setattr__(self, "interpolate", parse_names(self.interpolate))
         if self.callback is not None and not callable(self.callback):
             raise OptionError(f"`callback` must be callable, got {self.callback!r}")
 
@@ -89,6 +104,15 @@ class Method(Constraints):
         """
         return ""
 
+    def smooth(self, mesh: Mesh, chosen: str = "", *known: Any) -> SmoothResult:
+        """Smooth a mesh, and see to the values that belong to its places.
+
+        `chosen` says why this method was taken, for the outcome; `known` is for `run`.
+        """
+        require_data(mesh, self.interpolate)
+        result = self.run(mesh, chosen, *known)
+        return carried(mesh, result, self.carry, self.interpolate, self.threads)
+
     def run(self, mesh: Mesh, chosen: str = "") -> SmoothResult:
-        """Smooth a mesh; `chosen` says why this method was taken, for the outcome."""
+        """Move the vertices; for derived classes, and called by `smooth`."""
         raise NotImplementedError

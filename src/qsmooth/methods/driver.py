@@ -24,6 +24,7 @@ from qsmooth.numbering import Inside
 from qsmooth.options import OptionError, option
 from qsmooth.outcome import Aim, Cut, Invalid, Outcome, Stage, Stop
 from qsmooth.result import History, SmoothResult, SweepRecord
+from qsmooth.sliding import Slides, slid, slider_of
 from qsmooth.split import Diagonal, split_quads
 from qsmooth.topology import Topology
 
@@ -80,6 +81,8 @@ class Setting:
         Which group of cells proposes moves.
     rails
         Where the vertices may be.
+    slides
+        Sweeps over the vertices that slide; None where none does.
     """
 
     topology: Topology
@@ -88,6 +91,7 @@ class Setting:
     selected: BoolArray | None
     aim: Aim = Aim.ALL_CELLS
     rails: Rails = FREE
+    slides: Slides | None = None
 
     @cached_property
     def blocks(self) -> Blocks:
@@ -139,9 +143,8 @@ class SweepingMethod(Method):
         watch = Watch(self)
         inside = Inside(mesh, kept=not self.max_sweeps)
         before = inside.quality(mesh)
-        cut = self.cut(mesh)
+        freedom, cut = self.freedom(mesh), self.cut(mesh)
         swept = inside if cut is mesh else Inside(cut, inside, kept=not self.max_sweeps)
-        freedom = self.freedom(mesh)
         selected = freedom.cells
         if selected is not None and cut is not mesh:
             selected = np.repeat(selected, mesh.topology.cell_sizes - 2)
@@ -150,23 +153,24 @@ class SweepingMethod(Method):
         engine = threads_for(self.threads, freedom.n_movable) if freedom.n_movable else None
         if engine is not None and self.max_sweeps:
             free = freedom.inside(inside)
-            stars = topology.schedule_of(free.movable)
-            good = math.nan
+            slider = slider_of(free, cut, swept)
+            stars = topology.schedule_of(free.movable if slider is None else slider.others(free))
+            good = worst = math.nan
             if self.quality_guard:
                 measured = swept.quality(cut) if cut is not mesh else before
-                good = self.good(float(measured.scaled_jacobian.min()))
+                worst = float(measured.scaled_jacobian.min())
+                good = self.good(worst)
             cells = swept.chosen_cells(selected)
-            setting = Setting(topology, stars, good, cells, rails=free.rails())
+            slides = None if slider is None else Slides(slider, worst)
+            setting = Setting(topology, stars, good, cells, rails=free.rails(), slides=slides)
             with engine.running():
                 for aim, n_sweeps in self.stages():
                     run.stage(replace(setting, aim=aim), engine, n_sweeps)
         elif engine is not None:
             run.stop = Stop.MAX_SWEEPS
         xy = inside.back(run.xy)
-        if not self.guards:
-            result = mesh.with_xy(xy, moved(mesh, xy))
-        elif cut is mesh:
-            result = stored(mesh, xy, freedom)
+        if cut is mesh or not self.guards:
+            result = stored(mesh, xy, freedom, guarded=self.guards)
         else:
             points = stored(cut, xy, freedom).points
             result = mesh if points is mesh.points else mesh.with_points(points)
@@ -179,6 +183,7 @@ class SweepingMethod(Method):
                 guarded=self.guards,
                 selected=self.selection is not None,
                 unchanged=result is mesh or np.array_equal(result.points, mesh.points),
+                sliding=slid(freedom, mesh, result),
                 invalid=invalid_cells(before, after),
                 cut=None
                 if cut is mesh
@@ -249,8 +254,10 @@ class _Run:
         """Sweep so often at most."""
         if self.stop in (Stop.TIME_LIMIT, Stop.CALLBACK):
             return
-        n_movable = setting.stars.vertices.size
-        moves = Moves(np.zeros(n_movable), np.zeros(n_movable))
+        n_free, slides = setting.stars.vertices.size, setting.slides
+        n_movable = n_free + (0 if slides is None else slides.slider.vertices.size)
+        every = Moves(np.zeros(n_movable), np.zeros(n_movable))
+        moves = Moves(every.lengths[:n_free], every.shares[:n_free])
         sweep = self.method.start(setting)
         first, seconds = len(self.history), self.seconds
         self.stop = None
@@ -258,8 +265,10 @@ class _Run:
             started = clock()
             sweep.prepare(self.xy)
             engine.run(lambda colours: sweep.move(self.xy, colours, moves), sweep.n_colours)
+            if slides is not None:
+                slides.sweep(self.xy, every.lengths[n_free:], every.shares[n_free:])
             self.seconds += clock() - started
-            self.history.append(record(Quality(self.topology, self.xy), *moves))
+            self.history.append(record(Quality(self.topology, self.xy), *every))
             self.watch.tell(self.history[-1])
             self.stop = self._why_stop(self.history[first:])
         past = self.history[first - 1] if first else self._start
@@ -347,8 +356,8 @@ def moved(mesh: Mesh, xy: FloatArray) -> BoolArray:
     return marked
 
 
-def stored(mesh: Mesh, xy: FloatArray, freedom: Freedom) -> Mesh:
-    """Give the mesh its new coordinates, certified as they are stored.
+def stored(mesh: Mesh, xy: FloatArray, freedom: Freedom, *, guarded: bool = True) -> Mesh:
+    """Give the mesh its new coordinates, certified as they are stored, unless it is not guarded.
 
     In x and y what was certified is what is stored. Points of a tilted plane are rounded once
     more: where that costs a corner, by a hair, the cell's vertices go back to where they were, and
@@ -358,7 +367,9 @@ def stored(mesh: Mesh, xy: FloatArray, freedom: Freedom) -> Mesh:
     result = mesh.with_xy(xy, marked)
     if mesh.plane is None or result is mesh:
         return result
-    was_valid = quality(mesh).validity == Validity.VALID
+    was_valid = np.zeros(mesh.n_cells, np.bool_)
+    if guarded:
+        was_valid = quality(mesh).validity == Validity.VALID
     while True:
         lost = was_valid & (quality(result).validity != Validity.VALID)
         beyond = marked & freedom.beyond(result.points - mesh.points)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -14,9 +14,14 @@ from qsmooth.adapters import to_mesh
 from qsmooth.metrics.quality import Quality, quality
 from qsmooth.topology import Topology
 
+if TYPE_CHECKING:
+    from qsmooth.kernels.angle_bounds import Swings
+
 FULL_TURN = 360.0
 # What keeps vertices where they are: words for these, and a mask, (n_vertices,).
 Kept: TypeAlias = tuple[str, BoolArray]
+# What is said where a limit is that of sliding vertices.
+BY_SLIDING = "the boundary that vertices slide along"
 
 
 @dataclass(frozen=True)
@@ -126,6 +131,7 @@ def angle_limits(
     movable: BoolArray,
     now: Quality,
     kept: Sequence[Kept] = (),
+    swings: Swings | None = None,
 ) -> Limits:
     """Bound the smallest and the largest angle that the movable vertices can bring about.
 
@@ -139,6 +145,8 @@ def angle_limits(
         Metrics of the cells at these coordinates, in any order.
     kept
         What keeps the vertices that stay, in the order in which a limit is put down to it.
+    swings
+        What is known of those of them that slide along the boundary.
 
     Notes
     -----
@@ -148,12 +156,12 @@ def angle_limits(
     """
     sizes = topology.cell_sizes
     by_sum = 60.0 if (sizes == 3).any() else 90.0, 90.0 if (sizes == 4).any() else 60.0
-    smallest, largest = _bounds(topology, xy, movable)
+    smallest, largest = _bounds(topology, xy, movable, swings)
     low = topology.first_vertex(smallest == smallest.min())
     high = topology.first_vertex(largest == largest.max())
     ends = float(smallest[low]), float(largest[high])
     at_low, at_high = ends[0] < by_sum[0], ends[1] > by_sum[1]
-    args = topology, xy, movable, kept
+    args = topology, xy, movable, kept, swings
     by_low = _set_by(*args, low, ends[0], 0) if at_low else ""
     by_high = _set_by(*args, high, ends[1], 1) if at_high else ""
     return Limits(
@@ -169,15 +177,15 @@ def angle_limits(
 
 
 def _bounds(
-    topology: Topology, xy: FloatArray, movable: BoolArray
+    topology: Topology, xy: FloatArray, movable: BoolArray, swings: Swings | None
 ) -> tuple[FloatArray, FloatArray]:
     """Bound the smallest and the largest angle at each vertex, (n_vertices,)."""
-    from qsmooth.kernels.angle_bounds import angle_bounds
+    from qsmooth.kernels.angle_bounds import NO_SWINGS, angle_bounds
 
     smallest, largest = np.empty(topology.n_vertices), np.empty(topology.n_vertices)
     angle_bounds(
         xy, *topology.cells, topology.corner_cells, topology.twins, topology.star_offsets,
-        topology.star_corners, movable, smallest, largest,
+        topology.star_corners, movable, swings or NO_SWINGS, smallest, largest,
     )  # fmt: skip
     return smallest, largest
 
@@ -187,6 +195,7 @@ def _set_by(
     xy: FloatArray,
     movable: BoolArray,
     kept: Sequence[Kept],
+    swings: Swings | None,
     v: int,
     bound: float,
     which: int,
@@ -202,9 +211,11 @@ def _set_by(
     count = topology.star_offsets[v + 1] - topology.star_offsets[v]
     if not topology.is_boundary[v] and bound == FULL_TURN / count:
         return ""
+    if swings is not None and _bounds(topology, xy, free, swings)[which][v] == bound:
+        return BY_SLIDING
     for words, vertices in kept:
         free = (free & ~vertices) | movable
-        if np.array_equal(free, movable) or _bounds(topology, xy, free)[which][v] == bound:
+        if np.array_equal(free, movable) or _bounds(topology, xy, free, swings)[which][v] == bound:
             return words
     return ""
 

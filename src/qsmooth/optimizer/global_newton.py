@@ -121,8 +121,28 @@ class GlobalNewton:
             xy / unit, *self.topology.cells, self._cells, self.unknown, *self._graph, corners,
             sizes * (unit**2, 1.0), maps, self._gradient, self._solver.values.reshape(-1, 2, 2),
         )  # fmt: skip
+        tangents = self._on_rails(xy, unit)
         self._solver.prepare()
-        return self._solver.solve(-self._gradient, TOLERANCE, MOST_ITERATIONS) * unit
+        steps = self._solver.solve(-self._gradient, TOLERANCE, MOST_ITERATIONS) * unit
+        if tangents is not None:
+            along = (steps * tangents).sum(axis=1, keepdims=True) * tangents
+            steps = np.where(tangents.any(axis=1, keepdims=True), along, steps)
+        return steps
+
+    def _on_rails(self, xy: FloatArray, unit: float) -> FloatArray | None:
+        """Leave the system only the tangents of vertices that may move along one, (n_unknown, 2).
+
+        None where all may move anywhere.
+        """
+        from qsmooth.kernels.confining import project_system
+
+        if not self._rails.origin.size:
+            return None
+        tangents, values = np.empty_like(self._gradient), self._solver.values.reshape(-1, 2, 2)
+        project_system(
+            xy, self.vertices, *self._graph, self._rails, unit, self._gradient, values, tangents
+        )
+        return tangents
 
     def _allowed(self, xy: FloatArray, direction: FloatArray, trial: FloatArray) -> bool:
         """Fill in the step, with vertices of forbidden cells put back; whether that was enough."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -14,6 +14,7 @@ from qsmooth.engine import Engine
 from qsmooth.kernels.rails import Rails
 from qsmooth.numbering import Inside
 from qsmooth.optimizer.lanes import Lanes
+from qsmooth.sliding import Slider, slider_of
 from qsmooth.targets import Targets
 from qsmooth.topology import Topology
 
@@ -70,14 +71,34 @@ class Ground:
         return self.freedom.rails()
 
     @cached_property
+    def slider(self) -> Slider | None:
+        """Those of them that slide; None where none does."""
+        return slider_of(self.freedom, self.inside.mesh, self.inside)
+
+    @cached_property
+    def still(self) -> Ground:
+        """The same with no vertex that slides."""
+        if self.slider is None:
+            return self
+        freedom = replace(self.freedom, movable=self.slider.others(self.freedom), chains=None)
+        return Ground(self.inside, freedom, self.engine)
+
+    @cached_property
     def lanes(self) -> Lanes:
         """All of them in lanes; made when they are first wanted."""
         return self.lanes_of(self.movable)
 
+    def forget(self) -> None:
+        """Let go of the lanes; they are made anew where they are wanted again."""
+        self.__dict__.pop("lanes", None)
+
     def lanes_of(self, vertices: BoolArray) -> Lanes:
         """Put only these in lanes, (n_vertices,)."""
+        slider = None if self.slider is None else self.slider.only(vertices)
+        if slider is not None:
+            vertices = vertices & ~slider.mask
         stars = self.topology.schedule_of(vertices)
-        return Lanes(self.topology, stars, self.engine, self.rails)
+        return Lanes(self.topology, stars, self.engine, self.rails, slider)
 
 
 def targets_inside(targets: Targets, inside: Inside) -> Targets:

@@ -29,6 +29,7 @@ from qsmooth.optimizer.untangling import untangle, with_proof
 from qsmooth.options import opaque, option
 from qsmooth.outcome import Aim, Forbidden, Held, Invalid, Outcome, Stop, Target
 from qsmooth.result import History, SmoothResult
+from qsmooth.sliding import slid
 from qsmooth.sums import exact_mean
 from qsmooth.targets import (
     Targets,
@@ -90,13 +91,14 @@ class _Staged(Method):
         freedom = self.freedom(mesh)
         movable, n_movable = freedom.movable, freedom.n_movable
         progress = Progress(self, before, started)
-        result, found, after = mesh, _Found(inside.at_vertices(mesh.xy)), before
+        result, found, after = mesh, _Found(mesh.xy), before
         bounds = None
         if n_movable:
             engine = threads_for(self.threads, n_movable)
             ground = Ground(inside, freedom.inside(inside), engine, meant)
             with engine.running():
                 found = self.stages(ground, before, progress)
+                ground.forget()  # the larger part of the memory of a run
                 result = stored(mesh, inside.back(found.xy), freedom)
                 after = before if result is mesh else inside.quality(result)
             bounds = self.bounds(ground, result, after)
@@ -127,6 +129,7 @@ class _Staged(Method):
                 held=found.held,
                 invalid=invalid,
                 target=found.target,
+                sliding=slid(freedom, mesh, result),
                 sizes=sizes,
                 limits=bounds,
             ),
@@ -244,14 +247,15 @@ class Optimize(_Staged):
         inside = ground.inside
         xy = inside.at_vertices(inside.mesh.xy)
         if not self.max_sweeps:
-            progress.spent()
+            progress.spent()  # notes that no sweep is why it stops
             return _Found(xy)
-        lanes, given = ground.lanes, xy.copy()  # untangling may move far more than is invalid
+        lanes = ground.lanes
+        given = xy.copy() if before.n_invalid else xy  # untangling may move more than is invalid
         if before.n_invalid:
             with progress.stage(Aim.UNTANGLE):
                 untangle(ground, xy, progress)
         lanes.caps.hold(xy, self.hold, angles=not self.by_metric)
-        start = xy.copy()
+        start = xy
         with progress.stage(Aim.MEAN_SHAPE):
             meant = ground.meant
             if meant is None:
@@ -415,7 +419,9 @@ class Optimize(_Staged):
     def bounds(self, ground: Ground, result: Mesh, after: Quality) -> object:
         """Limits of the result's angles."""
         xy = ground.inside.at_vertices(result.xy)
-        return angle_limits(ground.topology, xy, ground.movable, after, ground.freedom.kept)
+        swings = None if ground.slider is None else ground.slider.swings(xy)
+        kept = ground.freedom.kept
+        return angle_limits(ground.topology, xy, ground.movable, after, kept, swings)
 
 
 @dataclass(frozen=True, kw_only=True)
