@@ -243,6 +243,14 @@ def test_constraints_hold_from_each_call_on():
     assert not np.array_equal(points, mesh.points)
 
 
+def test_what_could_slide_stays_where_the_host_puts_it():
+    mesh = jittered(8, 8, seed=6)
+    points, smoother = mesh.points.copy(), Smoother(mesh, "star", boundary="slide")
+    assert smoother.step(points).valid
+    assert np.array_equal(points[mesh.is_boundary], mesh.points[mesh.is_boundary])
+    assert not np.array_equal(points, mesh.points)
+
+
 def test_quads_cut_in_two():
     mesh = jittered(8, 8, seed=7)
     points = mesh.points.copy()
