@@ -126,8 +126,11 @@ class Smoother:
         visited. Where boundary and fixed points go on as in the step before, the others follow
         first, if that costs no corner. Cells that are not valid then are untangled, near them
         alone; after that no cell is made invalid, and with the usual guards no angle worse than
-        the worst of the mesh. After the first step no memory is asked for that grows with the mesh,
-        unless cells are to be untangled, `hold` is given, or cells are ranked by quality.
+        the worst of the mesh. Boundary vertices stay where they are put, with ``boundary="slide"``
+        too; a third coordinate that is a value stays with its vertex.
+
+        After the first step no memory is asked for that grows with the mesh, unless cells are to
+        be untangled, `hold` is given, or cells are ranked by quality.
 
         Parameters
         ----------

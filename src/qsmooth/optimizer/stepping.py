@@ -9,6 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray, TableArray
+from qsmooth.constraints import Freedom
 from qsmooth.engine import Engine, threads_for
 from qsmooth.kernels.stars import Moves, Stars
 from qsmooth.mesh import Mesh
@@ -23,6 +24,7 @@ from qsmooth.optimizer.method import Optimize, Untangle
 from qsmooth.optimizer.progress import Progress
 from qsmooth.optimizer.resting import Figures, Resting
 from qsmooth.optimizer.untangling import untangle
+from qsmooth.sliding import slider_of
 from qsmooth.targets import Targets
 from qsmooth.topology import Topology
 
@@ -196,6 +198,14 @@ class Plain:
             self._figures.dirty[:] = True
 
 
+def without_slides(freedom: Freedom, inside: Inside) -> Freedom:
+    """Let vertices that slide stay: in a step they are the host's, as the boundary is."""
+    slider = slider_of(freedom, inside.mesh, inside)
+    if slider is None:
+        return freedom
+    return replace(freedom, movable=slider.others(freedom), chains=None)
+
+
 class Idle:
     """No sweep: what untangling alone does with a valid mesh."""
 
@@ -237,7 +247,7 @@ class Stepper:
 
     def __init__(self, method: Method, mesh: Mesh, meant: Targets | None) -> None:
         self._method, self.inside, self._meant = method, Inside(mesh), meant
-        self._freedom = method.freedom(mesh).inside(self.inside)
+        self._freedom = without_slides(method.freedom(mesh).inside(self.inside), self.inside)
         self._rails = self._freedom.rails()
         self._engine = threads_for(method.threads, max(1, self._freedom.n_movable))
         self.figures = Figures(self.inside.topology, self._freedom.movable)
