@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from qsmooth import examples, limits, quality, smooth, untangle
+from qsmooth.constraints import Constraints
 from qsmooth.engine import threads_for
 from qsmooth.kernels._jit import use_threads
 from qsmooth.kernels.blocks import build_blocks
@@ -196,8 +197,11 @@ class Case:
         self.sizes = np.ones(mesh.n_vertices)
         self.moves = np.empty(self.blocks.vertices.size)
         lanes = Lanes(mesh.topology, self.stars, threads_for(1, self.stars.vertices.size))
-        lanes.aim_at(ideal(mesh.topology))
-        self.held, self.rows = lanes.caps.swept, lanes._rows
+        # With maps, so that all has rows: these are for mapped sweeps too.
+        no_maps = np.tile([1.0, 0.0, 1.0], (mesh.n_cells, 1))
+        lanes.aim_at(ideal(mesh.topology)._replace(maps=no_maps))
+        wall = Wall(WEIGHT, THRESHOLD, SQUARINGS)
+        self.held, self.rows = lanes.caps.swept, lanes.rows_for(wall)
 
     def by_blocks(self):
         xy = self.mesh.xy.copy()
@@ -258,6 +262,24 @@ def test_sweep(benchmark, mesh, note, name, threads):
     case = Case(mesh, EPSILON if name == "untangle" else 0.0)
     note(mesh, threads, rate=(case.moves.size * SWEEPS, "steps"), sweeps=SWEEPS)
     with use_threads(threads):
+        case.by_blocks()
+        benchmark(case.by_blocks)
+
+
+CONSTRAINTS = {
+    "none": Constraints(),
+    "reach": Constraints(max_move_share=0.05),
+    "directions": Constraints(directions=(0.6, 0.8)),
+}
+
+
+@pytest.mark.parametrize("name", CONSTRAINTS)
+def test_newton_sweep_on_rails(benchmark, mesh, note, name):
+    """What it costs a sweep to confine its trials."""
+    case = Case(mesh, 0.0)
+    case.blocks = case.blocks._replace(rails=CONSTRAINTS[name].freedom(mesh).rails())
+    note(mesh, 1, rate=(case.moves.size * SWEEPS, "steps"), sweeps=SWEEPS)
+    with use_threads(1):
         case.by_blocks()
         benchmark(case.by_blocks)
 
@@ -381,7 +403,7 @@ def _whole_mesh(mesh, threads):
     lanes.aim_at(ideal(mesh.topology))
     args = lanes.stars, lanes.targets.corners, lanes.sizes, lanes.maps, lanes.caps
     xy, wall = mesh.xy.copy(), Wall(1.0, math.inf, 1)
-    sweep = lanes._sweep(xy, wall, lanes.caps.swept, lanes._moves.lengths)
+    sweep = lanes.sweep(xy, wall, lanes.caps.swept, lanes._moves.lengths)
     return lambda: GlobalNewton(mesh.topology, *args), lambda: sweep((0, lanes.n_colours))
 
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 
 from qsmooth._words import in_a_row, plural
-from qsmooth.outcome import Aim, Held, Invalid, Outcome, Sizes, Stage, Stop, Target, Trade
+from qsmooth.outcome import Aim, Carried, Held, Invalid, Outcome, Sizes, Stage, Stop, Target, Trade
 
 # Figures in words, and how they are written.
 _FIGURES: dict[str, tuple[str, str]] = {
@@ -52,6 +52,7 @@ def reason(outcome: Outcome, *, spell: Callable[[str], str] = str, limits: bool 
         parts += [*_towards(outcome.target), *_sizes(outcome.sizes, outcome.trades)]
     parts += [*_given_up(outcome, spell), *_why(outcome, spell)]
     parts += _not_valid(outcome)
+    parts += [_carried(record, spell) for record in outcome.carried if record.largest > 0.0]
     if limits and outcome.limits is not None:
         parts += str(outcome.limits).splitlines()
     return "; ".join(parts)
@@ -178,6 +179,8 @@ def _why(outcome: Outcome, spell: Callable[[str], str]) -> list[str]:
         return [] if _done(outcome) else ["all cells are valid"]
     if outcome.stop is Stop.TIME_LIMIT:
         return [f"the time limit of {outcome.stop_at:g} s was reached"]
+    if outcome.stop is Stop.CALLBACK:
+        return ["stopped when it was told to"]
     if outcome.stop is Stop.MAX_SWEEPS:
         if not outcome.sweeps:
             return ["no sweep was asked for"]
@@ -222,6 +225,20 @@ def _not_valid(outcome: Outcome) -> list[str]:
     if not outcome.guarded:
         return [f"{outcome.method} is unguarded: it made {plural(invalid.after, 'cell')} invalid"]
     return []
+
+
+def _carried(record: Carried, spell: Callable[[str], str]) -> str:
+    """What became of a value that belongs to places."""
+    error = f"by up to {record.largest:.3g} (root mean square {record.rms:.3g})"
+    if record.interpolated:
+        return (
+            f"{record.name} was interpolated in the input mesh, which changed it {error}: carried "
+            "along unchanged it would be wrong by that"
+        )
+    return (
+        f"{record.name} was carried along unchanged and is wrong {error}; "
+        f"{spell('carry=' + repr('interpolate'))} mends that"
+    )
 
 
 def _stays_invalid(invalid: Invalid) -> str:

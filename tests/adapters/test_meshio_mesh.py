@@ -61,7 +61,7 @@ def test_back_of_another_mesh_is_refused(given):
 
 def test_what_is_no_mesh_is_refused(given):
     given.cells[2] = meshio.CellBlock("triangle", np.array([(2, 6, 8)]))
-    with pytest.raises(MeshError, match="1 triangle cells name vertices outside the 8"):
+    with pytest.raises(MeshError, match="1 triangle cell names vertices outside the 8"):
         from_meshio(given)
 
 

@@ -60,7 +60,7 @@ WRONG = [
     ("a.off", "4  1 2 5 4", "4  1 2 5 44", "line 14.*vertex 44"),
     ("a.off", "4  1 2 5 4", "4  1 2 5", "line 14.*does not fit"),
     ("a.off", "1.1 0.9", "1.1 abc", "line 9: 'abc' is not a number"),
-    ("a.off", "1.1 0.9", "1.1 nan", "1 vertices are not finite, the first is vertex 4, line 9"),
+    ("a.off", "1.1 0.9", "1.1 nan", "1 vertex is not finite, the first is vertex 4, line 9"),
     ("flowing.off", "OFF 8 3", "OFF 8 2", "2 faces"),
     ("a.obj", "v 1 0 0", "v 1 0", "line 5.*three coordinates"),
     ("a.obj", "f -7 -6 -3 -4", "f -70 -6 -3 -4", "vertices outside"),

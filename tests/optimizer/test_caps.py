@@ -120,6 +120,21 @@ def mesh_angle(mesh):
     return quality(mesh).max_angle.max()
 
 
+@pytest.mark.nojit
+@pytest.mark.parametrize("held", [False, True])
+def test_where_no_angle_is_held_invalid_cells_are_forbidden_all_the_same(held):
+    mesh = random_mesh("mixed", 4, seed=3, amount=0.9).mesh
+    caps = Caps(mesh.topology, ~mesh.is_fixed)
+    if held:
+        caps.hold(mesh.xy, angles=False)
+    assert not caps.forbidden(mesh.xy).any()
+    trial = mesh.xy.copy()
+    trial[np.flatnonzero(~mesh.is_fixed)[0]] += 10.0  # beyond all its cells
+    invalid = quality(mesh.with_points(trial)).validity != Validity.VALID
+    assert invalid.any()
+    assert np.array_equal(caps.forbidden(trial), invalid)
+
+
 # ------------------------------------------------------------------------------- a part of a mesh
 
 

@@ -51,13 +51,17 @@ def test_after_a_refusal_it_is_tried_less_often():
     assert ahead.due()
 
 
-def creeping():
-    """A block whose upper edge is pressed in: its inside has far to go."""
-    mesh = examples.bump(48, height=0.5, width=0.15)
+def lanes_of(mesh):
     lanes = Lanes(mesh.topology, mesh.topology.schedule(True), threads_for(1, mesh.n_vertices))
     lanes.aim_at(ideal(mesh.topology))
     lanes.caps.hold(mesh.xy)
-    return mesh, lanes
+    return lanes
+
+
+def creeping():
+    """A block whose upper edge is pressed in: its inside has far to go."""
+    mesh = examples.bump(48, height=0.5, width=0.15)
+    return mesh, lanes_of(mesh)
 
 
 def energy_after(rounds, extrapolate):
@@ -96,6 +100,30 @@ def test_a_place_with_forbidden_cells_or_more_energy_is_not_gone_to():
     assert not lanes.caps.forbidden(xy).any()
     assert np.array_equal(xy[inside[0]], now[inside[0]])
     assert np.array_equal(xy[inside[-1]], better[inside[-1]])
+
+
+def test_a_cell_that_stays_invalid_does_not_count_where_sweeps_lead():
+    mesh, _ = creeping()
+    points = mesh.points.copy()
+    points[3] = points[4]
+    mesh = mesh.with_points(points)
+    lanes = lanes_of(mesh)
+    assert lanes.caps.lost.sum() == 1
+    wall, xy, progress = Wall(1.0, np.inf, 1), mesh.xy.copy(), Progress(Optimize(), quality(mesh))
+    better = xy.copy()
+    lanes.newton(better, wall, progress)
+    assert lanes._go(xy, better.copy(), wall)
+    assert np.array_equal(xy, better)
+    assert not lanes._go(xy, mesh.xy.copy(), wall)
+
+
+def test_after_a_refusal_nothing_is_measured_again():
+    mesh, lanes = creeping()
+    wall, xy = Wall(1.0, np.inf, 1), mesh.xy.copy()
+    lanes.newton(xy, wall, Progress(Optimize(), quality(mesh)))
+    look = lanes.look(xy)
+    assert not lanes._go(xy, mesh.xy.copy(), wall)
+    assert lanes.look(xy) is look
 
 
 def test_tangles_that_creep_take_fewer_sweeps(monkeypatch):

@@ -88,6 +88,13 @@ def hub(n):
     return csr(rows, columns, n + 1)
 
 
+@pytest.mark.nojit
+@pytest.mark.parametrize("rows", [1, 8192, 8193, 100_000, 10_000_000])
+def test_rows_are_cut_into_chunks_by_their_number_alone(rows):
+    n_chunks = -(-rows // kernels.chunk_rows(rows))
+    assert n_chunks == min(kernels.MOST_CHUNKS, -(-rows // kernels.CHUNK))
+
+
 @pytest.mark.parametrize("graph", GRAPHS)
 @pytest.mark.parametrize("tolerance", [1e-1, 1e-4])
 def test_it_finds_all_but_a_share_of_the_least_value(graph, tolerance):

@@ -55,6 +55,17 @@ def test_what_nothing_could_better_is_known_at_one_look():
             assert [stage.aim for stage in result.outcome.stages] == [Aim.MEAN_SHAPE]
 
 
+def test_one_bad_corner_among_many_good_cells_is_mended():
+    # The mean has less to gain than is worth moving a vertex for.
+    mesh = structured(40, 40)
+    points = mesh.points.copy()
+    points[20 * 41 + 20] += 0.3 / 40
+    result = smooth(mesh.with_points(points), "optimize")
+    assert 1.0 - result.before.mean["shape"] < 1e-3
+    assert result.before.worst["min_angle"] < 80.0
+    assert result.after.worst["min_angle"] > 89.0
+
+
 @pytest.mark.filterwarnings("ignore::qsmooth.MeshWarning")
 def test_a_mesh_that_is_good_comes_back_no_worse_and_twice_changes_nothing(shared_meshes):
     for mesh in (read_mesh(shared_meshes / "dealii_hole8170.msh"), structured(40, 40)):

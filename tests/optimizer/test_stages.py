@@ -9,6 +9,7 @@ from qsmooth.examples import structured
 from qsmooth.optimizer import stages
 from qsmooth.optimizer.best import Best
 from qsmooth.optimizer.caps import HOLDABLE
+from qsmooth.optimizer.global_newton import GlobalNewton
 from qsmooth.optimizer.lanes import Lanes
 from qsmooth.optimizer.progress import Progress
 from qsmooth.optimizer.stages import improve_mean, mend_worst
@@ -35,6 +36,28 @@ def test_sweeps_that_run_into_what_is_held_end_where_nothing_was_held():
     mesh = mesh.with_points(np.where(inside, np.stack([x**4, y], axis=1), mesh.points))
     result = smooth(mesh, "optimize", worst=False, target="ideal")
     assert result.after.mean["shape"] == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_step_that_sweeps_do_not_make_up_for_is_gone_back_to(monkeypatch):
+    mesh, energies, asked = examples.bump(24, height=0.8, width=0.1), [], []
+
+    def to_the_start(_, xy, rise):
+        assert rise == stages.RISE
+        asked.append(not np.array_equal(xy, mesh.xy))
+        xy[:] = mesh.xy
+        return -1.0
+
+    def remember(best, xy, **options):
+        energies.append(best.lanes.energy(xy)[1].sum())
+        return offer(best, xy, **options)
+
+    offer = Best.offer
+    monkeypatch.setattr(GlobalNewton, "step", to_the_start)
+    monkeypatch.setattr(Best, "offer", remember)
+    Run(mesh)
+    assert asked
+    assert asked[0]
+    assert energies == sorted(energies, reverse=True)
 
 
 # ------------------------------------------------------------------------------- the worst cells

@@ -136,6 +136,23 @@ def test_layers_are_those_that_were_there_before_untangling(kind):
 
 
 @pytest.mark.parametrize("kind", ["quad", "triangle", "mixed"])
+@pytest.mark.parametrize("looks_like", ["layers", "a grading"])
+def test_what_untangling_takes_away_is_not_meant(kind, looks_like):
+    mended = examples.structured(24, 24, kind=kind)
+    x, y = mended.points.T
+    xy = np.exp(2.0 * mended.points)
+    if looks_like == "layers":
+        xy = np.stack([x, 1e-3 * np.expm1(5.0 * y)], axis=1)
+    assert candidates(mended.topology, xy)[0].size_weight.any()
+    squares, ratios = candidates(mended.topology, xy, mended.xy)
+    assert squares is ratios
+    assert squares.kind == "ideal"
+    assert not squares.is_layer.any()
+    assert not squares.size_weight.any()
+    assert np.array_equal(squares.corners, ideal(mended.topology).corners)
+
+
+@pytest.mark.parametrize("kind", ["quad", "triangle", "mixed"])
 def test_the_sizes_that_untangling_leaves_are_not_meant(kind):
     mesh = examples.random_interior(20, 20, kind=kind)
     squares, _ = candidates(mesh.topology, mesh.xy, untangle(mesh).mesh.xy)
@@ -168,6 +185,21 @@ def test_ratios_are_learned_where_nothing_is_a_layer():
     # Above the tip columns are squeezed to three tenths of their height: wide quads are meant.
     slim = np.abs(np.log(ratios.corners[:, 0])).max()
     assert math.log(3.0) < slim < math.log(12.0)
+
+
+@pytest.mark.parametrize("n", [20, 120])
+def test_ratios_of_hardly_a_cell_are_none(n):
+    notch, beside = examples.notch(20), examples.structured(n, n)
+    squares, ratios = candidates(notch.topology, notch.xy)
+    n_stretched = int((ratios.corners != squares.corners)[::4].any(axis=1).sum())
+    share = n_stretched / (notch.n_cells + beside.n_cells)
+    assert (share < 0.01) is (n == 120)
+    mesh = Mesh(
+        np.concatenate([notch.points, beside.points + np.array([10.0, 0.0])]),
+        np.concatenate([notch.cells[0], beside.cells[0] + notch.n_vertices]),
+    )
+    squares, ratios = candidates(mesh.topology, mesh.xy)
+    assert (squares is ratios) is (share < 0.01)
 
 
 def test_stretched_triangles_keep_their_shape_though_they_are_no_halves_of_quads():

@@ -51,7 +51,7 @@ def compare(
         "methods": [
             {
                 **{key: fact for key, fact in result.to_dict().items() if key != "before"},
-                "limits": running.limits_of(result, method).to_dict(),
+                "limits": running.limits_of(mesh, result, method).to_dict(),
             }
             for method in chosen
             for result in results

@@ -45,12 +45,21 @@ OverwriteOption = Annotated[
         "--overwrite", help="Allow OUT to replace a file, IN itself too.", rich_help_panel=FILES
     ),
 ]
+KeepBestOption = Annotated[
+    bool,
+    typer.Option(
+        "--keep-best",
+        help="Interrupted (Ctrl-C), write the best so far, if OUT is not there yet; twice, stop at "
+        "once.",
+        rich_help_panel=FILES,
+    ),
+]
 SurfaceOption = Annotated[
     Surface,
     typer.Option(
         "--surface",
         help="What z means: [b]auto[/b], the mesh lies in one plane; [b]flat[/b], z is a value on "
-        "a mesh in x and y, such as depth, and is carried along.",
+        "a mesh in x and y, such as depth; where vertices move it is interpolated.",
         rich_help_panel=FILES,
     ),
 ]
@@ -94,11 +103,17 @@ def read(path: Path, surface: Surface, format: str | None) -> Mesh:
         return read_mesh(path, surface=surface.value, format=format)
 
 
-def require_format(path: Path, mesh: Mesh, name: str | None) -> None:
-    """Refuse a format that can't be written before the work, and not after it."""
-    from qsmooth.io import format_of
+def require_format(
+    path: Path, mesh: Mesh, name: str | None, interpolate: tuple[str, ...] = ()
+) -> None:
+    """Refuse a format that can't be written, or holds no data to interpolate, before the work."""
+    from qsmooth.carrying import require_data
+    from qsmooth.io import format_of, holds_point_data
 
-    format_of(path, mesh, format=name)
+    found = format_of(path, mesh, format=name)
+    require_data(mesh, interpolate)
+    if interpolate and not holds_point_data(found):
+        raise ValueError(f"--interpolate: format {found} of '{path}' holds no point data")
 
 
 def refuse_unsafe(mesh_file: Path, output: Path, overwrite: bool, json_file: Path | None) -> None:

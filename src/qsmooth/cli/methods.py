@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from qsmooth._words import did_you_mean
 from qsmooth.cli import files, terminal
-from qsmooth.cli.options import default_words, range_words, shell_name, spell
+from qsmooth.cli.options import check_names, default_words, range_words, shell_name, spell
 from qsmooth.options import Spec, spelled
 
 if TYPE_CHECKING:
@@ -33,11 +32,7 @@ def methods(
 
     files.refuse_clash(json_file)
     known = registry.methods()
-    for name in names or ():
-        if name not in known:
-            raise ValueError(
-                f"NAME is one of {', '.join(known)}; got {name!r}{did_you_mean(name, known)}"
-            )
+    check_names(names or (), known)
     chosen = [known[name] for name in dict.fromkeys(names or known)]
     facts = {"methods": [_facts(thing) for thing in chosen]}
     with files.Outputs() as outputs:

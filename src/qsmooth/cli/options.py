@@ -10,7 +10,7 @@ import functools
 import inspect
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import (
     TYPE_CHECKING,
@@ -24,7 +24,7 @@ from typing import (
 
 import typer
 
-from qsmooth._words import in_a_row
+from qsmooth._words import did_you_mean, in_a_row
 from qsmooth.options import Spec, spelled
 
 if TYPE_CHECKING:
@@ -289,6 +289,15 @@ def _filled(hint: Any) -> Any:
         if f"{{{key}}}" in info.help:
             info.help = info.help.replace(f"{{{key}}}", words())
     return Annotated[kind, info]
+
+
+def check_names(names: Iterable[str], known: Collection[str]) -> None:
+    """Refuse an argument NAME that is none of the known ones; ValueError says what was meant."""
+    for name in names:
+        if name not in known:
+            raise ValueError(
+                f"NAME is one of {', '.join(known)}; got {name!r}{did_you_mean(name, known)}"
+            )
 
 
 def _method_names() -> str:

@@ -26,6 +26,7 @@ def smooth(
     ] = "auto",
     options: dict[str, Any] | None = None,
     overwrite: files.OverwriteOption = False,
+    keep_best: files.KeepBestOption = False,
     surface: files.SurfaceOption = files.Surface.auto,
     format: files.FormatOption = None,
     output_format: files.OutputFormatOption = None,
@@ -67,9 +68,9 @@ def smooth(
     options = options or {}
     chosen, why = running.method_with(method, options)
     mesh = files.read(mesh_file, surface, format)
-    files.require_format(output, mesh, output_format)
-    result = running.run(mesh, chosen, why)
-    limits = running.limits_of(result, chosen)
+    files.require_format(output, mesh, output_format, chosen.interpolate)
+    result = running.run_to_end(mesh, chosen, output, why, format=output_format, keep=keep_best)
+    limits = running.limits_of(mesh, result, chosen)
     facts = {
         "input": str(mesh_file),
         "output": str(output),

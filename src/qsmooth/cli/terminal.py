@@ -8,14 +8,17 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import signal
 import sys
 import textwrap
+import threading
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, TextIO
 
 from qsmooth.kernels import compiling
 
 if TYPE_CHECKING:
+    from qsmooth.methods.base import Method
     from qsmooth.result import SweepRecord
     from qsmooth.table import Table
 
@@ -26,6 +29,10 @@ TEXT_WIDTH = 100
 
 class ReaderLeftError(Exception):
     """The reader of standard output left; Typer would exit with 1, which means a failed gate."""
+
+
+class InterruptedRunError(Exception):
+    """The user stopped a run; says what became of its result."""
 
 
 def width() -> int | None:
@@ -123,41 +130,41 @@ def status(text: str) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def progress(
-    method: str, max_sweeps: int, sweeps_a_record: int
-) -> Iterator[Callable[[SweepRecord], None] | None]:
-    """Show on a terminal a bar of the sweeps; gives what a method calls with each record.
-
-    Where a record is of several sweeps, their count is about right and the bar pulses: such a
-    method stops by itself long before the last.
-    """
+def progress(method: Method) -> Iterator[Callable[[SweepRecord], None] | None]:
+    """Show on a terminal a bar of the sweeps; gives what a method calls with each record."""
     if not _is_terminal(sys.stderr):
         yield None
         return
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+    from qsmooth.bars import bar, counted
 
-    columns = (
-        TextColumn("{task.fields[method]}"),
-        BarColumn(),
-        TextColumn("{task.fields[done]}"),
-        TimeElapsedColumn(),
-        TextColumn("{task.fields[state]}"),
-    )
-    total = max_sweeps if sweeps_a_record == 1 else None
-    with Progress(*columns, console=_console(sys.stderr), transient=True) as bar:
-        task = bar.add_task("", total=total, method=method, done="", state="")
-        done = 0
+    with bar(_console(sys.stderr), method.name) as show:
+        yield counted(method, show)
 
-        def callback(record: SweepRecord) -> None:
-            nonlocal done
-            state = f"angles {record.min_angle:.1f}° to {record.max_angle:.1f}°"
-            if record.n_invalid:
-                state += f", {record.n_invalid} cells not valid"
-            done += sweeps_a_record
-            text = f"about {done} sweeps" if total is None else f"{done} of {total} sweeps"
-            bar.update(task, completed=done, done=text, state=state)
 
-        yield callback
+class Interrupt:
+    """Whether the user has asked to stop."""
+
+    asked = False
+
+
+@contextlib.contextmanager
+def held_interrupt(wanted: bool) -> Iterator[Interrupt]:
+    """Note the first Ctrl-C inside the block, if wanted; the second interrupts as ever."""
+    interrupt = Interrupt()
+    if not wanted or threading.current_thread() is not threading.main_thread():
+        yield interrupt
+        return
+    before = signal.getsignal(signal.SIGINT)
+
+    def note(_signal: int, _frame: object) -> None:
+        interrupt.asked = True
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield interrupt
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _write_rich(text: str, style: str = "") -> bool:

@@ -16,6 +16,7 @@ def untangle(
     output: files.OutOption,
     options: dict[str, Any] | None = None,
     overwrite: files.OverwriteOption = False,
+    keep_best: files.KeepBestOption = False,
     surface: files.SurfaceOption = files.Surface.auto,
     format: files.FormatOption = None,
     output_format: files.OutputFormatOption = None,
@@ -35,8 +36,8 @@ def untangle(
     options = options or {}
     method = all_methods()["untangle"].of(options)
     mesh = files.read(mesh_file, surface, format)
-    files.require_format(output, mesh, output_format)
-    result = running.run(mesh, method)
+    files.require_format(output, mesh, output_format, method.interpolate)
+    result = running.run_to_end(mesh, method, output, format=output_format, keep=keep_best)
     n_invalid = result.after.n_invalid
     facts = {
         "input": str(mesh_file),

@@ -9,6 +9,7 @@ import typer
 
 from qsmooth._words import plural
 from qsmooth.cli import files, terminal
+from qsmooth.cli.options import check_names
 
 
 def warmup(
@@ -26,9 +27,11 @@ def warmup(
 
     It is kept on disk. Useful after installing or upgrading, as in the recipe of a container.
     """
+    from qsmooth.registry import methods
     from qsmooth.table import time_text
     from qsmooth.warming import warmup
 
+    check_names(names or (), ["auto", *methods()])
     started = time.perf_counter()
     count = warmup(names)
     if count:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from qsmooth._types import FloatArray, IndexArray
+from qsmooth.checks import counted
 from qsmooth.errors import MeshError
 from qsmooth.io.in_place import InPlace, Slots
 from qsmooth.io.text import line_of
@@ -64,13 +65,15 @@ class FileContent:
     point_data, cell_data, field_data, point_sets, cell_sets
         As in meshio: cell data is an array for each block, a cell set the cell numbers
         within each block.
+    changed
+        Names of point data whose values are no longer those of the file.
     extras
         What else was seen in the file; kept in its own format, lost in any other.
     notes
         What was odd in the file and yet could be read rightly.
-    format, ending, data, slots
+    format, ending, data, slots, data_slots
         Where it comes from: name of the format, ending and bytes of the file, place of its
-        coordinates.
+        coordinates and of its point data, by name, as far as that can be written back.
         `slots` is None where there is no file or where it cannot be written back.
     places
         For each block the byte at which each cell stands, for messages; or None.
@@ -85,12 +88,14 @@ class FileContent:
     field_data: dict[str, Any] = field(default_factory=dict)
     point_sets: dict[str, Any] = field(default_factory=dict)
     cell_sets: dict[str, list[Any]] = field(default_factory=dict)
+    changed: frozenset[str] = frozenset()
     extras: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     format: str = ""
     ending: str = ""
     data: bytes = b""
     slots: InPlace | None = None
+    data_slots: dict[str, InPlace] = field(default_factory=dict)
     places: list[IndexArray] | None = None
 
     @property
@@ -133,7 +138,8 @@ class FileContent:
             where = f"vertex {vertex}"
             if isinstance(self.slots, Slots) and self.slots.dtype is None:
                 where += f", line {line_of(self.data, int(self.slots.starts[vertex, 0]))}"
-            raise MeshError(f"{int(lost.sum())} vertices are not finite, the first is {where}")
+            n_lost = counted(int(lost.sum()), "vertex is", "vertices are")
+            raise MeshError(f"{n_lost} not finite, the first is {where}")
         refused: dict[str, tuple[int, str]] = {}
         first_cell = 0
         for b, (kind, cells) in enumerate(self.blocks):
@@ -146,10 +152,12 @@ class FileContent:
                 refused[kind] = (refused[kind][0] + len(cells), refused[kind][1])
             elif cells.size and not (cells.min() >= 0 and cells.max() < n_vertices):
                 bad = (cells < 0) | (cells >= n_vertices)
-                row = int(np.flatnonzero(bad.any(axis=1))[0])
+                rows = np.flatnonzero(bad.any(axis=1))
+                row = int(rows[0])
+                n_bad = counted(rows.size, f"{kind} cell names", f"{kind} cells name")
                 raise MeshError(
-                    f"{int(bad.any(axis=1).sum())} {kind} cells name vertices outside the "
-                    f"{n_vertices} of the file, the first is {self._place(b, row, first_cell)}, "
+                    f"{n_bad} vertices outside the {n_vertices} of the file, "
+                    f"the first is {self._place(b, row, first_cell)}, "
                     f"vertex {int(cells[row][bad[row]][0])} (counted from 0)"
                 )
             first_cell += len(cells)
@@ -221,7 +229,11 @@ def of_mesh(mesh: Mesh) -> FileContent:
     source = mesh.source
     points = np.array(mesh.points)
     if isinstance(source, FileContent):
-        fields = {key: value for key, value in vars(source).items() if key not in ("data", "slots")}
+        fields = {
+            key: value
+            for key, value in vars(source).items()
+            if key not in ("data", "slots", "data_slots")
+        }
         return FileContent(**{**fields, "points": points})
     blocks = [("triangle" if cells.shape[1] == 3 else "quad", cells) for cells in mesh.cells]
     tags = None

@@ -16,7 +16,7 @@ from numba.extending import typeof_impl
 
 from qsmooth.kernels import compiling
 from qsmooth.kernels._caching import KernelCache
-from qsmooth.kernels._linking import compile_wraps, link_wraps
+from qsmooth.kernels._linking import begin_linking, end_linking
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -36,11 +36,11 @@ class _Listener(event.Listener):
     def on_start(self, event: Any) -> None:
         module = event.data["dispatcher"].py_func.__module__
         if compiling.begin(of_ours=module.startswith("qsmooth.")):
-            link_wraps()
+            begin_linking()
 
     def on_end(self, event: Any) -> None:
         if compiling.end():
-            compile_wraps()
+            end_linking()
 
 
 _register: Any = event.register

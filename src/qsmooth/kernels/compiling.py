@@ -58,6 +58,11 @@ def left_out() -> Iterator[None]:
             _compiling.seconds += clock() - started
 
 
+def inside_another() -> bool:
+    """Whether what compiles now is called by a kernel that began to compile before it."""
+    return _compiling.depth > 1
+
+
 def begin(of_ours: bool) -> bool:
     """Note that something begins to compile, maybe inside what compiles already.
 
