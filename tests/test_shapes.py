@@ -70,7 +70,7 @@ SOAK = """
 import json, sys
 sys.path.insert(0, sys.argv[1])
 from soak import grown
-print(json.dumps(grown(600)))
+print(json.dumps(grown(300)))
 """
 
 
