@@ -23,6 +23,7 @@ from qsmooth.kernels.blocks import LANES, Blocks, Rows, block_at
 from qsmooth.kernels.confining import confined, within_reach
 from qsmooth.kernels.lanes import (
     ENERGY,
+    FRACTIONS,
     GX,
     GY,
     HELD,
@@ -58,9 +59,9 @@ from qsmooth.kernels.rails import Rails
 from qsmooth.kernels.star_energy import Terms
 from qsmooth.kernels.untangle_sweep import add_regularised, try_regularised
 
-# Fractions of a step that are tried after the over-relaxed one. Round a bend only short ones keep
-# the edge near the outline.
-FRACTIONS = (1.0, 0.4, 0.1, 0.02)
+# A step that the outline forbids is made shorter by this, so often: round a bend only short ones
+# keep the edge near it. That costs little beside the energy of a trial.
+SHORTER, SHORTENED = 0.35, 4
 
 
 @helper()
@@ -141,30 +142,28 @@ def _on_one_segment(outline: Outline, e: int, segment: int) -> bool:
 
 
 @helper()
-def may_slide(
-    xy: FloatArray,
-    outline: Outline,
-    ends: IndexArray,
-    boxes: FloatArray,
-    e: int,
-    segment: int,
-    fraction: float,
-    x: float,
-    y: float,
+def fits_line(
+    xy: FloatArray, outline: Outline, e: int, segment: int, fraction: float, x: float, y: float
 ) -> bool:
-    """Whether the vertex of entry e may go to this place, as far as the outline says."""
-    segments, fractions, vertices = outline.segments, outline.fractions, outline.vertices
-    off = outline.off[e]
-    if not (
+    """Whether the vertex of entry e keeps its order at this place, and its edges near the line."""
+    segments, fractions = outline.segments, outline.fractions
+    return bool(
         is_before(segments[e - 1], fractions[e - 1], segment, fraction)
         and is_before(segment, fraction, segments[e + 1], fractions[e + 1])
-        and (off or _keeps_near(xy, outline, e, segment, x, y))
-    ):
+        and (outline.off[e] or _keeps_near(xy, outline, e, segment, x, y))
+    )
+
+
+@helper()
+def meets_another(
+    xy: FloatArray, outline: Outline, sides: Sides, e: int, segment: int, x: float, y: float
+) -> bool:
+    """Whether an edge of entry e, at (x, y) on `segment`, would meet another side."""
+    if outline.sides[e] < 0 or (not outline.off[e] and _on_one_segment(outline, e, segment)):
         return False
-    if outline.sides[e] < 0 or (not off and _on_one_segment(outline, e, segment)):
-        return True
+    vertices, ends, boxes = outline.vertices, sides.ends, sides.boxes
     v, before, after = vertices[e], vertices[e - 1], vertices[e + 1]
-    return not (
+    return bool(
         meets_side(xy, ends, boxes, v, x, y, before) or meets_side(xy, ends, boxes, v, x, y, after)
     )
 
@@ -186,14 +185,13 @@ def place_trials(
     share: float,
     s: FloatArray,
     outline: Outline,
-    sides: Sides,
     rails: Rails,
     to_segment: IndexArray,
     to_fraction: FloatArray,
 ) -> int:
     """Put the vertices at a share of their steps along the outline, and clear what is summed up.
 
-    A place that the outline or the reach forbids is none, which segment -1 says.
+    At less of it where the outline or the reach forbids that; a segment of -1 says that all is.
 
     Returns
     -------
@@ -201,21 +199,24 @@ def place_trials(
         How many may go there.
     """
     nodes, segments, fractions = outline.nodes, outline.segments, outline.fractions
-    ends, boxes, allowed = sides.ends, sides.boxes, 0
+    allowed = 0
     for i in range(n):
         e = outline.entries[first + i]
         s[PX + i], s[PY + i] = s[X + i], s[Y + i]
         to_segment[i] = -1
         if s[TODO + i] > 0.0:
             way, low, high = share * s[SX + i], segments[e - 1], segments[e + 1]
-            k, f = advance(nodes, segments[e], fractions[e], way, low, high)
-            x, y = place_at(nodes, k, f)
-            if _in_reach(rails, outline.vertices[e], x, y) and may_slide(
-                xy, outline, ends, boxes, e, k, f, x, y
-            ):
-                to_segment[i], to_fraction[i] = k, f
-                s[PX + i], s[PY + i] = x, y
-                allowed += 1
+            for _ in range(1 + SHORTENED):
+                k, f = advance(nodes, segments[e], fractions[e], way, low, high)
+                x, y = place_at(nodes, k, f)
+                if _in_reach(rails, outline.vertices[e], x, y) and fits_line(
+                    xy, outline, e, k, f, x, y
+                ):
+                    to_segment[i], to_fraction[i] = k, f
+                    s[PX + i], s[PY + i] = x, y
+                    allowed += 1
+                    break
+                way *= SHORTER
         s[TRIAL + i] = 0.0
         s[MARGIN + i] = np.inf
         s[HELD + i] = np.inf
@@ -243,8 +244,8 @@ def store_slides(
         e, x, y = entries[first + i], s[PX + i], s[PY + i]
         good = (s[TRIAL + i] < s[ENERGY + i]) & (s[MARGIN + i] > 0.0) & (s[HELD + i] > 0.0)
         good &= (s[TODO + i] > 0.0) & (to_segment[i] >= 0)
-        # Asked again, as others of the block have moved since.
-        if good and may_slide(xy, outline, ends, boxes, e, to_segment[i], to_fraction[i], x, y):
+        # Neighbours are of other colours; what is met depends on all that have moved.
+        if good and not meets_another(xy, outline, sides, e, to_segment[i], x, y):
             v = vertices[e]
             xy[v, 0], xy[v, 1] = x, y
             dx, dy = x - s[X + i], y - s[Y + i]
@@ -304,7 +305,7 @@ def slide_sweep(
         for attempt in range(len(FRACTIONS) + 1):
             if left == 0.0:
                 break
-            if place_trials(xy, first, n, share, s, outline, sides, rails, to_segment, to_fraction):
+            if place_trials(xy, first, n, share, s, outline, rails, to_segment, to_fraction):
                 try_stars(star_xy, s, block, what, terms, held.shape[1] > 3, mapped, own)
                 left = store_slides(
                     xy, first, n, s, outline, sides, to_segment, to_fraction, lengths
@@ -346,7 +347,7 @@ def slide_untangling(
         for attempt in range(len(FRACTIONS) + 1):
             if left == 0.0:
                 break
-            if place_trials(xy, first, n, share, s, outline, sides, rails, to_segment, to_fraction):
+            if place_trials(xy, first, n, share, s, outline, rails, to_segment, to_fraction):
                 try_regularised(star_xy, s, block)
                 left = store_slides(
                     xy, first, n, s, outline, sides, to_segment, to_fraction, lengths
