@@ -315,7 +315,8 @@ def mapped_sweep(
     terms = Terms(wall.mean_weight, 1.0 / wall.threshold, wall.squarings, 2.0**wall.squarings)
     colour_blocks, table, vertices, stars, _, largest, own = blocks
     rails = Rails(*own)
-    what = asked(rows, maps)
+    # Tuples in tuples can't be handed to a loop over prange: they are put together in it.
+    shapes, sizes, shape_walls, corner_walls, own_maps = asked(rows, maps)
     for colour in range(colours[0], colours[1]):
         for b in prange(colour_blocks[colour], colour_blocks[colour + 1]):
             star_xy, mapped = np.empty(6 * largest * LANES), np.empty(6 * largest * LANES)
@@ -327,7 +328,7 @@ def mapped_sweep(
                 relaxation,
                 terms,
                 held,
-                what,
+                Asked(shapes, sizes, shape_walls, corner_walls, own_maps),
                 star_xy,
                 mapped,
                 np.empty(N_ROWS * LANES),
