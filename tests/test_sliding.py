@@ -365,12 +365,11 @@ def test_curves_are_read_from_files(tmp_path):
         [[0, 0], [1, 2]],
         [[3, 4], [5, 6], [7, 8]],
     ]
-    for text, message in (("1 2 3\n4 5 6", "places"), ("a b\nc d", "lines x y"), ("1 2", "two or more"), ("", "places")):
+    for text in ("1 2 3\n4 5 6", "a b\nc d", "1 2", "1 2\n3 nan", ""):
         path.write_text(text)
-        with pytest.raises(ValueError, match=message) as told:
+        with pytest.raises(ValueError, match=r"lines x y .*'.*coast\.xy' is none"):
             parse_curve(str(path))
-        assert "coast.xy" in str(told.value)
-    with pytest.raises(ValueError, match="cannot read '.*none': No such file"):
+    with pytest.raises(ValueError, match=r"cannot read '.*none': No such file"):
         parse_curve(str(tmp_path / "none"))
 
 
