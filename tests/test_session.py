@@ -37,6 +37,28 @@ def turn(smoother, mesh, moving, n=20, degrees=1.5):
     return points, records
 
 
+def test_what_words_and_files_mean_is_found_once(tmp_path):
+    mesh, path = jittered(10, 10, seed=3), tmp_path / "ids.txt"
+    fixed, worst = mesh.points[:, 0] < 0.5, quality(mesh).max_angle > 100.0
+    path.write_text("60\n")
+    words = {"fixed": "x < 0.5", "fixed_file": path, "selection": "max_angle > 100"}
+    smoother = Smoother(mesh, "star", max_sweeps=3, **words)
+    path.unlink()
+    fixed[60] = True
+    same = smooth(mesh, "star", max_sweeps=3, fixed=fixed, selection=worst)
+    assert smoother(mesh.points).points.tobytes() == same.points.tobytes()
+    assert not np.array_equal(same.points, mesh.points)
+    aside = mesh.points @ np.array([[0.5, 0.0], [0.0, 1.0]])
+    marks = smooth((aside, mesh.cells), "star", max_sweeps=3, fixed=fixed, selection=worst)
+    for again in (smoother, pickle.loads(pickle.dumps(smoother))):
+        assert again(aside).points.tobytes() == marks.points.tobytes()
+    assert smoother.method.given()["fixed"] == "x < 0.5"
+    with pytest.raises(ValueError, match="the mesh has no names"):
+        Smoother(mesh, fixed="inlet")
+    with pytest.raises(ValueError, match="directions"):
+        Smoother(mesh, directions=np.ones((3, 2)))
+
+
 @pytest.mark.parametrize("name", ["optimize", "star", "untangle", "laplacian"])
 def test_a_call_is_smooth_to_the_bit(name):
     method = all_methods()[name](max_sweeps=30)

@@ -346,6 +346,8 @@ def test_progress_is_shown_when_asked_for_and_only_then(capfd):
     assert (
         err == f"qsmooth: star, 3 sweeps, angles {last.min_angle:.1f}° to {last.max_angle:.1f}°\n"
     )
+    with pytest.raises(TypeError, match="progress must be True, False or a function, got 'bar'"):
+        smooth(mesh, "star", progress="bar")
 
 
 def test_progress_on_a_terminal_is_a_bar(monkeypatch):

@@ -26,6 +26,8 @@ def watched(method: Method, progress: bool | Shown | None) -> Iterator[Method]:
     """
     if progress is None or progress is False:
         yield method
+    elif progress is not True and not callable(progress):
+        raise TypeError(f"progress must be True, False or a function, got {progress!r}")
     elif callable(progress):
         yield _with(method, progress)
     else:

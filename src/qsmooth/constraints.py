@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from qsmooth.options import OptionError, Options, opaque, option
 from qsmooth.outline import Chains, find_chains
 from qsmooth.selection import (
     check_vertices,
+    marked,
     parse_selection,
     parse_vertices,
     read_ids,
@@ -209,6 +210,19 @@ class Constraints(Options):
         if self.directions is not None:
             object.__setattr__(self, "directions", parse_directions(self.directions))
 
+    def resolved(self, mesh: Mesh) -> Self:
+        """Make masks of the vertices and cells that are given in words, or in a file.
+
+        Raises
+        ------
+        OptionError
+            Where a constraint does not fit the mesh.
+        """
+        if self.directions is not None:
+            directions_of(mesh, self.directions)
+        chosen = None if self.selection is None else select_cells(mesh, self.selection)
+        return replace(self, fixed=self._fixed(mesh), fixed_file=None, selection=chosen)
+
     def freedom(self, mesh: Mesh) -> Freedom:
         """Work out what may move of a mesh, in the caller's order.
 
@@ -219,11 +233,8 @@ class Constraints(Options):
         """
         topology, cells, shares = mesh.topology, None, None
         kept: list[Kept] = []
-        if self.fixed is not None:
-            kept.append(("vertices given as fixed", select_vertices(mesh, self.fixed)))
-        if self.fixed_file is not None:
-            ids = np.array(read_ids(self.fixed_file, "fixed_file"), np.int64)
-            kept.append(("vertices given as fixed", select_vertices(mesh, ids)))
+        if (fixed := self._fixed(mesh)) is not None:
+            kept.append(("vertices given as fixed", fixed))
         if self.selection is not None:
             chosen = select_cells(mesh, self.selection)
             cells, shares = transition(mesh, chosen, self.selection_rings)
@@ -251,6 +262,14 @@ class Constraints(Options):
             tolerance=self.outline_tolerance,
             by_edge=by_edge,
         )
+
+    def _fixed(self, mesh: Mesh) -> BoolArray | None:
+        """Mark the vertices given as fixed, (n_vertices,); None where none are."""
+        marks = [] if self.fixed is None else [select_vertices(mesh, self.fixed)]
+        if self.fixed_file is not None:
+            ids = np.array(read_ids(self.fixed_file, "fixed_file"), np.int64)
+            marks.append(marked(ids, mesh.n_vertices, "vertex", "fixed_file"))
+        return np.logical_or.reduce(marks) if marks else None
 
     def _chains(self, mesh: Mesh, stays: list[BoolArray]) -> Chains | None:
         """Find the lines along which vertices slide, but for those marked, (n_vertices,) each."""

@@ -34,6 +34,7 @@ _AND = re.compile(r"\s+and\s+", re.I)
 _OTHERWISE = {
     "selection": "a boolean mask, a threshold, a region or a polygon",
     "fixed": "a boolean mask, a condition or a name",
+    "fixed_file": "one a line",
 }
 # So many names, or regions, are listed in a message at most.
 MOST_LISTED = 20

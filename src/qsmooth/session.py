@@ -49,7 +49,8 @@ class Smoother:
         A `Mesh`, a pair ``(points, cells)``, or a mesh of meshio. It is not changed.
     method, constraints, options
         As in `smooth`. What `target` says is read from this mesh; only a function of places is
-        asked again by ``smoother(points)``. A `selection` by a metric is made here, too.
+        asked again by ``smoother(points)``. Which vertices and cells `fixed` and `selection` mean
+        is found here, too.
 
     Raises
     ------
@@ -72,8 +73,9 @@ class Smoother:
         constraints: Constraints | None = None,
         **options: Any,
     ) -> None:
-        self._method, self._chosen = method_of(method, options, constraints)
+        self._given, self._chosen = method_of(method, options, constraints)
         self._mesh = to_mesh(mesh)
+        self._method = self._given.resolved(self._mesh)
         self._begin()
 
     def _begin(self) -> None:
@@ -93,8 +95,8 @@ class Smoother:
 
     @property
     def method(self) -> Method:
-        """The method with its options."""
-        return self._method
+        """The method with its options, as given."""
+        return self._given
 
     def __call__(self, points: npt.ArrayLike) -> SmoothResult:
         """Smooth the mesh at these points, as `smooth` does, and report.

@@ -142,7 +142,8 @@ class _Staged(Method):
 
     def _stop_at(self, stop: Stop) -> float:
         """Value of the option that stopped it, which has the stop's name; NaN where none did."""
-        value = None if stop is Stop.CALLBACK else getattr(self, stop.value, None)
+        is_option = stop is not Stop.CALLBACK and stop.value in self.specs()
+        value = getattr(self, stop.value) if is_option else None
         return math.nan if value is None else float(value)
 
     def stages(self, ground: Ground, before: Quality, progress: Progress) -> _Found:
