@@ -191,7 +191,8 @@ def place_trials(
 ) -> int:
     """Put the vertices at a share of their steps along the outline, and clear what is summed up.
 
-    At less of it where the outline or the reach forbids that; a segment of -1 says that all is.
+    At less of it where the outline or the reach forbids that. Where all of that is forbidden the
+    vertex has no step to take, and its segment is -1.
 
     Returns
     -------
@@ -206,6 +207,7 @@ def place_trials(
         to_segment[i] = -1
         if s[TODO + i] > 0.0:
             way, low, high = share * s[SX + i], segments[e - 1], segments[e + 1]
+            s[TODO + i] = 0.0
             for _ in range(1 + SHORTENED):
                 k, f = advance(nodes, segments[e], fractions[e], way, low, high)
                 x, y = place_at(nodes, k, f)
@@ -214,6 +216,7 @@ def place_trials(
                 ):
                     to_segment[i], to_fraction[i] = k, f
                     s[PX + i], s[PY + i] = x, y
+                    s[TODO + i] = 1.0
                     allowed += 1
                     break
                 way *= SHORTER
