@@ -42,7 +42,7 @@ from qsmooth.kernels.lanes import (
     Y,
     gather_block,
 )
-from qsmooth.kernels.mapped_sweep import Maps, add_stars, asked, try_stars
+from qsmooth.kernels.mapped_sweep import Asked, Maps, add_stars, try_stars
 from qsmooth.kernels.newton_sweep import Wall, gather_held
 from qsmooth.kernels.outline import (
     Outline,
@@ -293,7 +293,13 @@ def slide_sweep(
     terms = Terms(wall.mean_weight, 1.0 / wall.threshold, wall.squarings, 2.0**wall.squarings)
     table, vertices, stars, largest = blocks.table, blocks.vertices, blocks.stars, blocks.largest
     rails = Rails(*blocks.rails)
-    what = asked(rows, maps)
+    what = Asked(
+        (rows.m11, rows.m12, rows.m22),
+        (rows.area, rows.inv_area, rows.size_weight),
+        (rows.slim, rows.near),
+        (np.zeros(rows.slim.size), rows.near),
+        (maps.l11, maps.l12, maps.l22),
+    )
     star_xy, mapped = np.empty(6 * largest * LANES), np.empty(6 * largest * LANES)
     s, own = np.empty(N_ROWS * LANES), np.zeros(N_ROWS * LANES)
     to_segment, to_fraction = np.empty(LANES, np.int64), np.empty(LANES)
