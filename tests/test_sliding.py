@@ -362,16 +362,16 @@ def test_curves_are_read_from_files(tmp_path):
     from qsmooth.curves import parse_curve
 
     path = tmp_path / "coast.xy"
-    path.write_text("0 0\n1, 2\n\n3 4\n5 6\n7 8\n")
+    path.write_text("# a coast\n0 0\n# of two parts\n1, 2 # the first\n \n3 4\n5 6\n7 8\n")
     assert [one.tolist() for one in parse_curve(str(path))] == [
         [[0, 0], [1, 2]],
         [[3, 4], [5, 6], [7, 8]],
     ]
-    for text, message in (("1 2 3\n4 5 6", "places"), ("a b\nc d", "lines x y"), ("", "places")):
+    for text in ("1 2 3\n4 5 6", "a b\nc d", "1 2", "1 2\n3 nan", ""):
         path.write_text(text)
-        with pytest.raises(ValueError, match=message):
+        with pytest.raises(ValueError, match=r"lines x y .*'.*coast\.xy' is none"):
             parse_curve(str(path))
-    with pytest.raises(ValueError, match="can't be read"):
+    with pytest.raises(ValueError, match=r"cannot read '.*none': No such file"):
         parse_curve(str(tmp_path / "none"))
 
 

@@ -170,7 +170,8 @@ class Constraints(Options):
         metavar="FILE",
         parse=parse_curve,
         help="What sliding vertices slide along instead of the mesh's own outline: a finer "
-        "polyline (in Python also a function that projects places onto a curve).",
+        "polyline, a line x y for each place, an empty line between two (in Python an array, a "
+        "list of such, or a function that projects places onto a curve).",
     )
     max_move: float | None = option(
         None,

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray
-from qsmooth.options import OptionError
+from qsmooth.options import OptionError, text_of
 
 # Places on a curve for (k, 2) places near it.
 Projection: TypeAlias = Callable[[FloatArray], FloatArray]
@@ -33,25 +32,30 @@ PAIRS = 1_000_000
 
 
 def parse_curve(text: str) -> list[FloatArray]:
-    """Read curves from a file: a line of x and y for each place, an empty line between two curves.
+    """Read curves from a file: a line of x and y for each place, an empty line between two curves;
+    what follows a # does not count.
 
     Raises
     ------
     OptionError
         If there is no such file, or something else in it.
     """
+    rows = text_of(text, "curve").replace(",", " ").splitlines()
+    curves: list[list[list[str]]] = [[]]
+    for row in rows:
+        words = row.partition("#")[0].split()
+        if words:
+            curves[-1].append(words)
+        elif not row.strip() and curves[-1]:
+            curves.append([])
     try:
-        blocks = Path(text).read_text(encoding="utf-8").replace(",", " ").split("\n\n")
-        curves = [
-            np.array([[float(word) for word in row.split()] for row in block.splitlines() if row])
-            for block in blocks
-            if block.strip()
-        ]
-    except (OSError, UnicodeDecodeError) as error:
-        raise OptionError(f"`curve` can't be read from {text}: {error}") from None
-    except ValueError as error:
-        raise OptionError(f"`curve` takes a file of lines x y; in {text}: {error}") from None
-    return checked_curve(curves)  # type: ignore[return-value]
+        places = [np.array(curve, dtype=np.float64) for curve in curves if curve]
+        return checked_curve(places)  # type: ignore[return-value]
+    except ValueError:
+        raise OptionError(
+            "`curve` takes a file of places, lines x y of finite numbers, two or more for each "
+            f"curve; '{text}' is none"
+        ) from None
 
 
 def checked_curve(curve: Any) -> Curve:

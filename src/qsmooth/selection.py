@@ -16,7 +16,7 @@ from qsmooth._words import did_you_mean
 from qsmooth.io.groups import cell_groups, cells_of_group, vertex_groups, vertices_of_group
 from qsmooth.mesh import Mesh
 from qsmooth.metrics import METRICS, quality
-from qsmooth.options import OptionError
+from qsmooth.options import OptionError, text_of
 
 _COMPARE: dict[str, Callable[[Any, Any], Any]] = {
     "<": operator.lt,
@@ -159,7 +159,7 @@ def _in_region(mesh: Mesh, name: str) -> BoolArray:
 def _read_polygon(text: str) -> FloatArray:
     """Read pairs of numbers, "x,y x,y ...", or those in a file, a pair a line."""
     if not re.match(r"[-+.\d]", text) or not re.search(r"\d\s*,\s*[-+.\d]", text):
-        text = _text_of(text, "selection")
+        text = text_of(text, "selection")
         text = re.sub(r"#.*", "", text)
     try:
         numbers = np.array([float(word) for word in re.split(r"[\s,;]+", text.strip())])
@@ -244,7 +244,7 @@ def read_ids(path: str | Path, option: str) -> list[int]:
     OptionError
         If it can't be read, or has something else.
     """
-    text = re.sub(r"#.*", "", _text_of(str(path), option))
+    text = re.sub(r"#.*", "", text_of(path, option))
     if text.strip() and not _IDS.fullmatch(text):
         word = next(w for w in re.split(r"[\s,]+", text) if w and not w.isdigit())
         raise OptionError(f"`{option}` takes a file of vertex ids, and '{path}' has {word!r}")
@@ -333,11 +333,3 @@ def _listed(what: str, known: Sequence[str]) -> str:
         return f"the mesh has no {what}"
     more = f" and {len(known) - MOST_LISTED} more" if len(known) > MOST_LISTED else ""
     return f"the {what} of the mesh are {', '.join(known[:MOST_LISTED])}{more}"
-
-
-def _text_of(path: str, option: str) -> str:
-    try:
-        return Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        why = getattr(error, "strerror", None) or "it is no text"
-        raise OptionError(f"`{option}`: cannot read '{path}': {why}") from None

@@ -76,6 +76,13 @@ def test_names_of_the_file(call, fails, tmp_path):
     assert message.startswith("--directions takes a vector such as 1,0")
 
 
+def test_flags_are_spelled_as_in_a_shell(fails, vtu_file, tmp_path):
+    words = "--interfaces", "slide", "--no-keep-interfaces"
+    message = fails("smooth", vtu_file, "-o", tmp_path / "out.vtu", *words)
+    assert "--interfaces slide" in message
+    assert "--no-keep-interfaces lets" in message
+
+
 def test_limits_of_what_may_move(call, vtu_file, tmp_path):
     for method in ("star", "optimize"):
         code, out, _ = call(

@@ -51,7 +51,8 @@ def smooth(
 ) -> None:
     """Smooth a mesh, and show its quality before and after.
 
-    Boundary vertices stay. OUT keeps everything that IN holds but the coordinates.
+    Boundary vertices stay, unless they may slide. OUT keeps everything that IN holds but the
+    coordinates.
     """
     from qsmooth.io import write_mesh
     from qsmooth.metrics import find_metric
