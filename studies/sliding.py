@@ -3,7 +3,7 @@
     python studies/sliding.py FILE...                        # these files; else the packaged meshes
     python studies/sliding.py FILE... --tolerance 0 0.01 0.05
     python studies/sliding.py FILE... --method star
-    python studies/sliding.py FILE... --plot FOLDER          # the sharpest bends, before and after
+    python studies/sliding.py FILE... --plot FOLDER          # the longest slides, before and after
 
 A row for the input, one with the boundary fixed, and one with it sliding for each tolerance:
 smallest and largest angle, 99th percentile of the cells' largest angles, largest aspect ratio, mean
@@ -49,7 +49,7 @@ def row(name: str, how: str, result: SmoothResult) -> str:
 
 
 def plot(path: Path, before: Mesh, after: Mesh) -> None:
-    """Draw the sharpest bends among sliding vertices: cells before, grey, and after."""
+    """Draw the places where vertices slid farthest: edges before, grey, and after."""
     from matplotlib.collections import LineCollection
     from matplotlib.figure import Figure
 

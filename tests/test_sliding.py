@@ -170,7 +170,9 @@ def test_boundary_vertices_stay_on_it(known, mesh, tolerance, share):
 @pytest.mark.parametrize("method", ["optimize", "star", "smart-laplacian"])
 def test_what_slides_gets_better(method):
     mesh = bay(12, 0.6)
-    fixed, slid = (smooth(mesh, method, boundary=how) for how in ("fixed", "slide"))
+    # The worst cells may cost of the mean what sliding gains.
+    options = {"worst": False} if method == "optimize" else {}
+    fixed, slid = (smooth(mesh, method, boundary=how, **options) for how in ("fixed", "slide"))
     assert slid.quality_after.shape.mean() > fixed.quality_after.shape.mean() + 1e-3
     assert slid.outcome.sliding.slid > 30
     assert fixed.outcome.sliding is None

@@ -16,7 +16,7 @@ import numpy as np
 from numba import prange
 
 from qsmooth._types import FloatArray, TableArray
-from qsmooth.kernels._jit import helper, inlined_helper, parallel_kernel
+from qsmooth.kernels._jit import helper, parallel_kernel
 from qsmooth.kernels.blocks import LANES, Block, Blocks, Rows, block_at
 from qsmooth.kernels.confining import confined
 from qsmooth.kernels.lanes import (
@@ -147,18 +147,6 @@ class Asked(NamedTuple):
     maps: RowArrays
 
 
-@inlined_helper()
-def asked(rows: Rows, maps: Maps) -> Asked:
-    """Put what is asked for as the loops need it."""
-    return Asked(
-        (rows.m11, rows.m12, rows.m22),
-        (rows.area, rows.inv_area, rows.size_weight),
-        (rows.slim, rows.near),
-        (np.zeros(rows.slim.size), rows.near),
-        (maps.l11, maps.l12, maps.l22),
-    )
-
-
 @helper()
 def add_stars(
     star_xy: FloatArray,
@@ -263,7 +251,11 @@ def _move_block(
     relaxation: float,
     terms: Terms,
     held: FloatArray,
-    what: Asked,
+    shapes: RowArrays,
+    sizes: RowArrays,
+    shape_walls: WallArrays,
+    corner_walls: WallArrays,
+    maps: RowArrays,
     star_xy: FloatArray,
     mapped: FloatArray,
     s: FloatArray,
@@ -271,6 +263,7 @@ def _move_block(
     rails: Rails,
     lengths: FloatArray,
 ) -> None:
+    what = Asked(shapes, sizes, shape_walls, corner_walls, maps)
     gather_block(xy, vertices, stars, block, star_xy, s, lengths)
     gather_held(vertices, block.first, block.size, held, s)
     add_stars(star_xy, s, block, what, terms, mapped, own)
@@ -315,8 +308,9 @@ def mapped_sweep(
     terms = Terms(wall.mean_weight, 1.0 / wall.threshold, wall.squarings, 2.0**wall.squarings)
     colour_blocks, table, vertices, stars, _, largest, own = blocks
     rails = Rails(*own)
-    # Tuples in tuples can't be handed to a loop over prange: they are put together in it.
-    shapes, sizes, shape_walls, corner_walls, own_maps = asked(rows, maps)
+    shapes, shape_walls = (rows.m11, rows.m12, rows.m22), (rows.slim, rows.near)
+    sizes, own_maps = (rows.area, rows.inv_area, rows.size_weight), (maps.l11, maps.l12, maps.l22)
+    corner_walls = np.zeros(rows.slim.size), rows.near
     for colour in range(colours[0], colours[1]):
         for b in prange(colour_blocks[colour], colour_blocks[colour + 1]):
             star_xy, mapped = np.empty(6 * largest * LANES), np.empty(6 * largest * LANES)
@@ -328,7 +322,11 @@ def mapped_sweep(
                 relaxation,
                 terms,
                 held,
-                Asked(shapes, sizes, shape_walls, corner_walls, own_maps),
+                shapes,
+                sizes,
+                shape_walls,
+                corner_walls,
+                own_maps,
                 star_xy,
                 mapped,
                 np.empty(N_ROWS * LANES),

@@ -42,7 +42,7 @@ from qsmooth.kernels.lanes import (
     Y,
     gather_block,
 )
-from qsmooth.kernels.mapped_sweep import Maps, add_stars, asked, try_stars
+from qsmooth.kernels.mapped_sweep import Asked, Maps, add_stars, try_stars
 from qsmooth.kernels.newton_sweep import Wall, gather_held
 from qsmooth.kernels.outline import (
     Outline,
@@ -191,7 +191,8 @@ def place_trials(
 ) -> int:
     """Put the vertices at a share of their steps along the outline, and clear what is summed up.
 
-    At less of it where the outline or the reach forbids that; a segment of -1 says that all is.
+    At less of it where the outline or the reach forbids that. Where all of that is forbidden the
+    vertex has no step to take, and its segment is -1.
 
     Returns
     -------
@@ -206,6 +207,7 @@ def place_trials(
         to_segment[i] = -1
         if s[TODO + i] > 0.0:
             way, low, high = share * s[SX + i], segments[e - 1], segments[e + 1]
+            s[TODO + i] = 0.0
             for _ in range(1 + SHORTENED):
                 k, f = advance(nodes, segments[e], fractions[e], way, low, high)
                 x, y = place_at(nodes, k, f)
@@ -214,6 +216,7 @@ def place_trials(
                 ):
                     to_segment[i], to_fraction[i] = k, f
                     s[PX + i], s[PY + i] = x, y
+                    s[TODO + i] = 1.0
                     allowed += 1
                     break
                 way *= SHORTER
@@ -290,7 +293,13 @@ def slide_sweep(
     terms = Terms(wall.mean_weight, 1.0 / wall.threshold, wall.squarings, 2.0**wall.squarings)
     table, vertices, stars, largest = blocks.table, blocks.vertices, blocks.stars, blocks.largest
     rails = Rails(*blocks.rails)
-    what = asked(rows, maps)
+    what = Asked(
+        (rows.m11, rows.m12, rows.m22),
+        (rows.area, rows.inv_area, rows.size_weight),
+        (rows.slim, rows.near),
+        (np.zeros(rows.slim.size), rows.near),
+        (maps.l11, maps.l12, maps.l22),
+    )
     star_xy, mapped = np.empty(6 * largest * LANES), np.empty(6 * largest * LANES)
     s, own = np.empty(N_ROWS * LANES), np.zeros(N_ROWS * LANES)
     to_segment, to_fraction = np.empty(LANES, np.int64), np.empty(LANES)
