@@ -326,6 +326,8 @@ def nothing_is_too_far(seen: Run):
     """No vertex comes farther than it may, nor off the line along which it may move."""
     mesh, method, points = seen.mesh, seen.method, seen.result.points
     moves = points - mesh.points
+    if mesh.plane is None:
+        moves = moves[:, :2]  # z is no place there
     lengths = np.linalg.norm(moves, axis=1)
     if method.max_move is not None:
         assert (lengths <= method.max_move).all(), "moved too far"

@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import sys
 
 import meshio
@@ -122,12 +123,19 @@ def test_out_format_goes_by_its_ending(call, mesh_file, tmp_path):
     assert call("quality", named, "--format", "obj")[0] == 0
 
 
+@pytest.fixture
+def heard():
+    """Ctrl-C is heard; a shell has what it runs in the background ignore it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("heard")
 @pytest.mark.skipif(os.name != "posix", reason="signals are others elsewhere")
 @pytest.mark.parametrize("command", ["smooth", "untangle"])
 @pytest.mark.parametrize("keep", ["best", "best, but OUT is there", "nothing"])
 def test_an_interrupted_run(call, mesh_file, tmp_path, monkeypatch, command, keep):
-    import signal
-
     from qsmooth.examples import tangled
     from qsmooth.methods.watching import Watch
 
