@@ -1,7 +1,7 @@
 """Time and memory a quad from ten thousand quads to a million, or to ten millions with --full.
 
     python benchmarks/growth.py --json growth.json --plot growth.png
-    python benchmarks/growth.py --full                 # needs 16 GB
+    python benchmarks/growth.py --full                 # needs 13 GB
 
 Each row has a process of its own, after a small mesh: it makes the `Mesh`, smooths it, and sums up
 before and after. Grids whose vertices are moved at random get ten sweeps of star, or the optimiser

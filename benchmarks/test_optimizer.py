@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from qsmooth import examples, limits, quality, smooth, untangle
+from qsmooth.constraints import Constraints
 from qsmooth.engine import threads_for
 from qsmooth.kernels._jit import use_threads
 from qsmooth.kernels.blocks import build_blocks
@@ -18,11 +19,13 @@ from qsmooth.kernels.newton_sweep import Wall, newton_sweep
 from qsmooth.kernels.stacks import match_heights
 from qsmooth.kernels.stars import NO_VERTEX
 from qsmooth.kernels.untangle_sweep import untangle_sweep
+from qsmooth.numbering import Inside
 from qsmooth.optimizer.caps import FREE
 from qsmooth.optimizer.extrapolation import Extrapolation
 from qsmooth.optimizer.global_newton import GlobalNewton
 from qsmooth.optimizer.lanes import Lanes
 from qsmooth.optimizer.look import Look
+from qsmooth.sliding import slider_of
 from qsmooth.targets import ideal, learned
 
 pytestmark = pytest.mark.benchmark(group="optimizer")
@@ -196,8 +199,11 @@ class Case:
         self.sizes = np.ones(mesh.n_vertices)
         self.moves = np.empty(self.blocks.vertices.size)
         lanes = Lanes(mesh.topology, self.stars, threads_for(1, self.stars.vertices.size))
-        lanes.aim_at(ideal(mesh.topology))
-        self.held, self.rows = lanes.caps.swept, lanes._rows
+        # With maps, so that all has rows: these are for mapped sweeps too.
+        no_maps = np.tile([1.0, 0.0, 1.0], (mesh.n_cells, 1))
+        lanes.aim_at(ideal(mesh.topology)._replace(maps=no_maps))
+        wall = Wall(WEIGHT, THRESHOLD, SQUARINGS)
+        self.held, self.rows = lanes.caps.swept, lanes.rows_for(wall)
 
     def by_blocks(self):
         xy = self.mesh.xy.copy()
@@ -262,6 +268,24 @@ def test_sweep(benchmark, mesh, note, name, threads):
         benchmark(case.by_blocks)
 
 
+CONSTRAINTS = {
+    "none": Constraints(),
+    "reach": Constraints(max_move_share=0.05),
+    "directions": Constraints(directions=(0.6, 0.8)),
+}
+
+
+@pytest.mark.parametrize("name", CONSTRAINTS)
+def test_newton_sweep_on_rails(benchmark, mesh, note, name):
+    """What it costs a sweep to confine its trials."""
+    case = Case(mesh, 0.0)
+    case.blocks = case.blocks._replace(rails=CONSTRAINTS[name].freedom(mesh).rails())
+    note(mesh, 1, rate=(case.moves.size * SWEEPS, "steps"), sweeps=SWEEPS)
+    with use_threads(1):
+        case.by_blocks()
+        benchmark(case.by_blocks)
+
+
 @pytest.mark.parametrize("threads", [1, 2])
 def test_mapped_sweep(benchmark, mesh, note, threads):
     """A sweep towards targets with a direction, here none: the cost of the maps."""
@@ -280,6 +304,23 @@ def test_mapped_sweep(benchmark, mesh, note, threads):
     with use_threads(threads):
         np.testing.assert_allclose(run(), case.by_blocks(), rtol=0, atol=1e-6 * np.ptp(mesh.xy))
         benchmark(run)
+
+
+def test_slide_sweep(benchmark, mesh, note):
+    """Sweeps over what slides along the boundary, from where it was; set beside all the others."""
+    slider = slider_of(Constraints(boundary="slide").freedom(mesh), mesh, Inside(mesh, kept=True))
+    asked, lengths = slider.ask_ideal(), np.empty(slider.vertices.size)
+    held = np.tile(FREE[:3], (mesh.n_vertices, 1))
+
+    def sweep():
+        xy = mesh.xy.copy()
+        for _ in range(SWEEPS):
+            slider.sweep(xy, Wall(WEIGHT, THRESHOLD, SQUARINGS), held, asked, lengths)
+        return xy
+
+    note(mesh, 1, rate=(lengths.size * SWEEPS, "steps"), sweeps=SWEEPS)
+    assert (sweep() != mesh.xy).any()
+    benchmark(sweep)
 
 
 @pytest.mark.parametrize("threads", [1, 2])
@@ -381,7 +422,7 @@ def _whole_mesh(mesh, threads):
     lanes.aim_at(ideal(mesh.topology))
     args = lanes.stars, lanes.targets.corners, lanes.sizes, lanes.maps, lanes.caps
     xy, wall = mesh.xy.copy(), Wall(1.0, math.inf, 1)
-    sweep = lanes._sweep(xy, wall, lanes.caps.swept, lanes._moves.lengths)
+    sweep = lanes.sweep(xy, wall, lanes.caps.swept, lanes._moves.lengths)
     return lambda: GlobalNewton(mesh.topology, *args), lambda: sweep((0, lanes.n_colours))
 
 

@@ -3,7 +3,8 @@
     python examples/worst_cells_only.py [FOLDER]
 
 Only the vertices of cells with an angle over 160° may move, and those of the cells that touch
-them; all else keeps its coordinates to the last bit. Writes a table of the methods as CSV.
+them by half of their shortest edge; all else keeps its coordinates to the last bit. Writes a table
+of the methods as CSV.
 """
 
 import csv

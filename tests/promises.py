@@ -18,13 +18,13 @@ from hypothesis import strategies as st
 import qsmooth
 import reference
 from meshes import KINDS, place, random_mesh, random_meshes, tangle
-from qsmooth import Mesh, SmoothResult, Stop, Untangle, smooth
+from qsmooth import Constraints, Mesh, SmoothResult, Stop, Untangle, smooth
 from qsmooth.engine import Stepwise, Threads
 from qsmooth.methods.base import Method
 from qsmooth.methods.driver import SweepingMethod
 from qsmooth.options import spelled
 from qsmooth.outcome import Aim
-from qsmooth.selection import select_cells, vertices_of
+from qsmooth.selection import select_cells, select_vertices, vertices_of
 from qsmooth.split import split_quads
 
 # How much worse than what is held a figure may be, relative to itself; for rounding.
@@ -38,6 +38,9 @@ HOLDABLE = {"aspect_ratio": False, "shape": True, "min_edge": True}
 # ------------------------------------------------------------------------------- any options
 
 SELECTIONS = st.sampled_from([None, [0], [0, 1, 2], "max_angle > 100", "shape < 0.8"])
+# Of the sign of coordinates, which no unit changes.
+FIXED = st.sampled_from([None, [0, 1, 2], "x < 0", "y >= 0 and x > 0, 3"])
+DIRECTIONS = st.sampled_from([None, (1.0, 0.0), (0.6, -0.8)])
 HOLDS = st.sets(st.sampled_from(["aspect_ratio", "shape", "min_edge"]))
 TARGETS = st.sampled_from(["auto", "ideal", "initial"])
 # Given by the checks themselves.
@@ -55,7 +58,10 @@ def values(spec):
     elif spec.kind == "integer":
         drawn = integers(spec.interval)
     else:
-        others = {"selection": SELECTIONS, "hold": HOLDS, "target": TARGETS}
+        others = {
+            "selection": SELECTIONS, "hold": HOLDS, "target": TARGETS, "fixed": FIXED,
+            "directions": DIRECTIONS,
+        }  # fmt: skip
         drawn = others.get(spec.name, st.just(spec.default))
     return st.none() | drawn if spec.optional else drawn
 
@@ -226,7 +232,19 @@ def movable_vertices(mesh, method):
         movable &= ~mesh.is_interface
     if method.selection is not None:
         movable &= vertices_of(mesh, select_cells(mesh, method.selection, method.selection_rings))
-    return movable
+    if method.fixed is not None:
+        movable &= ~select_vertices(mesh, method.fixed)
+    return movable | sliding_vertices(mesh, method)
+
+
+def sliding_vertices(mesh, method):
+    """Mark the vertices that may slide, as the method says; no others than those on lines."""
+    slides = np.zeros(mesh.n_vertices, np.bool_)
+    if method.boundary == "slide":
+        slides |= mesh.is_boundary
+    if method.interfaces == "slide":
+        slides |= mesh.is_interface
+    return slides & method.freedom(mesh).movable if slides.any() else slides
 
 
 # ------------------------------------------------------------------------------- one run
@@ -288,16 +306,52 @@ def worst_cell_keeps_its_quality(seen: Run):
 
 
 def what_must_rest_rests(seen: Run):
-    """Fixed vertices, interfaces, what is not selected and values keep their bits."""
+    """Fixed vertices, interfaces and what is not selected keep their bits, and values theirs."""
     mesh, points = seen.mesh, seen.result.points
     rests = ~movable_vertices(mesh, seen.method)
     assert points[rests].tobytes() == mesh.points[rests].tobytes(), "moved what is fixed"
     if mesh.surface == "flat":
-        assert points[:, 2:].tobytes() == mesh.points[:, 2:].tobytes(), "changed a value"
+        z, was = points[:, 2], mesh.points[:, 2]
+        if seen.method.carry == "keep":
+            assert z.tobytes() == was.tobytes(), "changed a value"
+        assert z.min() >= was.min(), "a value below all others"
+        assert z.max() <= was.max(), "a value over all others"
     assert np.isfinite(points).all(), "lost a vertex"
     assert all(
         np.array_equal(a, b) for a, b in zip(seen.result.mesh.cells, mesh.cells, strict=True)
     )
+
+
+def nothing_is_too_far(seen: Run):
+    """No vertex comes farther than it may, nor off the line along which it may move."""
+    mesh, method, points = seen.mesh, seen.method, seen.result.points
+    moves = points - mesh.points
+    if mesh.plane is None:
+        moves = moves[:, :2]  # z is no place there
+    lengths = np.linalg.norm(moves, axis=1)
+    if method.max_move is not None:
+        assert (lengths <= method.max_move).all(), "moved too far"
+    if method.directions is not None and mesh.plane is None:
+        ux, uy = method.directions
+        ulp = np.spacing(np.abs(points[:, :2]).max())
+        assert (np.abs(moves[:, 0] * uy - moves[:, 1] * ux) <= 3.0 * ulp).all(), "off its line"
+
+
+def what_slides_stays_on_its_line(seen: Run):
+    """Vertices that slide are on the lines that they were on, but for rounding."""
+    mesh = seen.mesh
+    slides = sliding_vertices(mesh, seen.method) & (mesh.is_boundary | mesh.is_interface)
+    if not slides.any() or mesh.plane is not None:
+        return
+    on_line = mesh.is_boundary | mesh.is_interface
+    a = np.repeat(np.arange(mesh.n_vertices), np.diff(mesh.ring_offsets))
+    b = mesh.ring_vertices
+    both = on_line[a] & on_line[b] & (a < b)
+    start, step = mesh.xy[a[both]], mesh.xy[b[both]] - mesh.xy[a[both]]
+    away = seen.result.points[slides, None, :2] - start
+    share = np.clip((away * step).sum(axis=2) / (step * step).sum(axis=1), 0.0, 1.0)
+    off = np.linalg.norm(away - share[..., None] * step, axis=2).min(axis=1)
+    assert (off <= 4.0 * np.spacing(np.abs(mesh.xy).max())).all(), "left its line"
 
 
 def held_from(seen: Run):
@@ -313,10 +367,8 @@ def held_from(seen: Run):
         return None
     if stages[0].aim is not Aim.UNTANGLE or method.name == "untangle":
         return None
-    alone = Untangle(
-        max_sweeps=method.max_sweeps, selection=method.selection,
-        selection_rings=method.selection_rings, keep_interfaces=method.keep_interfaces, threads=1,
-    )  # fmt: skip
+    constraints = {name: getattr(method, name) for name in Constraints.specs()}
+    alone = Untangle(max_sweeps=method.max_sweeps, threads=1, **constraints)
     return smooth(mesh, alone).mesh
 
 
@@ -553,11 +605,34 @@ def can_be_told(seen: Run):
     assert "\n" not in seen.result.reason
 
 
+def values_are_those_of_the_input(seen: Run):
+    """Each z is the one that some cell of the input has there, and the outcome says the change."""
+    mesh, result = seen.mesh, seen.result
+    flat = mesh.surface == "flat" and not np.array_equal(result.mesh.xy, mesh.xy)
+    assert [record.name for record in result.outcome.carried] == ["z"] * flat
+    if not flat:
+        return
+    (record,) = result.outcome.carried
+    moved = (result.mesh.xy != mesh.xy).any(axis=1)
+    assert record.vertices == moved.sum()
+    assert record.interpolated == (seen.method.carry == "interpolate")
+    change = np.abs(result.points - mesh.points)[moved, 2]
+    if record.interpolated:
+        assert record.largest == change.max(), "tells of another change"
+        np.testing.assert_allclose(record.rms, np.sqrt((change**2).mean()), rtol=1e-9, atol=0)
+    else:
+        again = smooth(mesh, replace(seen.method, carry="interpolate", callback=None))
+        assert record == replace(again.outcome.carried[0], interpolated=False)
+
+
 OF_ONE_RUN = [
     corners_stay_convex,
     invalid_cells_get_no_more,
     worst_cell_keeps_its_quality,
     what_must_rest_rests,
+    nothing_is_too_far,
+    values_are_those_of_the_input,
+    what_slides_stays_on_its_line,
     figures_get_no_worse,
     trades_are_told,
     what_holds_back_is_told,
@@ -609,7 +684,9 @@ def bits_are_the_same(mesh, method, n_threads=2):
     with mock.patch.object(Threads, "run", Stepwise(calls.append).run):
         step_by_step = run(mesh, method)
     assert told(step_by_step) == told(once), "depends on what runs the colours"
-    assert len(calls) >= once.result.sweeps, "sweeps that no engine runs"
+    inside = movable_vertices(mesh, method) & ~sliding_vertices(mesh, method)
+    if inside.any():
+        assert len(calls) >= once.result.sweeps, "sweeps that no engine runs"
 
 
 def follows_the_input(made, method, *, scale=1.0, turn=0.0, shift=(0.0, 0.0), mirror=False):
@@ -629,7 +706,12 @@ def follows_the_input(made, method, *, scale=1.0, turn=0.0, shift=(0.0, 0.0), mi
 def scales_by_bits(made, method, power):
     """A power of two changes no bit but those of the exponent."""
     factor = 2.0**power
+    if method.max_move is not None:
+        # Not where that would round it, or be no length any more.
+        method = replace(method, max_move=min(max(method.max_move, 1e-200), 1e200))
     result = smooth(made.mesh, method)
+    if method.max_move is not None:
+        method = replace(method, max_move=method.max_move * factor)
     other = smooth((made.points * factor, made.cells), method)
     assert np.array_equal(other.points, result.points * factor), "depends on the unit"
 

@@ -32,10 +32,11 @@ def run(path, code, **environment):
 
 
 FIRST = """
-import gc, json, time
+import gc, json, sys, time
 from numba.core import codegen
 from numba.core.registry import cpu_target
 from qsmooth import examples, smooth
+from qsmooth.kernels._jit import Helper
 from qsmooth.kernels._linking import WRAPS
 from qsmooth.kernels.compiling import compiled_kernels
 assembled, assemble = [], codegen.JITCodeLibrary._finalize_specific
@@ -51,6 +52,10 @@ for threads in (1, 2):
     out[threads] = [result.outcome.stop.value, result.sweeps, compiled_kernels()]
     out["within"] = result.seconds < LIMIT
 out["wraps"] = [name for name in assembled if name.startswith(WRAPS)], len(assembled) > 5
+modules = [sys.modules[name] for name in sys.modules if name.startswith("qsmooth.kernels.")]
+values = [value for module in modules for value in vars(module).values()]
+helpers = {value.__qualname__ for value in values if isinstance(value, Helper)}
+out["helpers"] = sorted(helpers.intersection(assembled)), len(helpers) > 5
 made_by = cpu_target.target_context.codegen()
 out["left"] = made_by._library_class is codegen.JITCodeLibrary, gc.isenabled()
 print(json.dumps(out))
@@ -67,8 +72,8 @@ def test_compiling_counts_in_no_limit_happens_once_and_is_told_of(tmp_path):
     # On two threads nothing more is compiled.
     assert found["2"] == [stop, sweeps, count]
     assert errors == "compiling, first time only\n"
-    # What wraps a parallel loop is only linked to its kernel, and Numba is left as it was.
-    assert found["wraps"] == [[], True]
+    # What only kernels call is linked to these alone, and Numba is left as it was.
+    assert found["wraps"] == found["helpers"] == [[], True]
     assert found["left"] == [True, True]
 
 

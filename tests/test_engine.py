@@ -52,6 +52,7 @@ def test_the_threads_are_held_for_the_block_alone_and_given_back_after_an_error(
 
 def test_the_count_of_threads_goes_by_size_unless_it_is_given(monkeypatch):
     monkeypatch.setattr(_jit, "available_threads", lambda: 4)
+    monkeypatch.setattr(_jit.os, "sched_getaffinity", lambda _: range(8), raising=False)
     assert threads_for(None, PARALLEL_FROM).count == 4
     assert threads_for(3, 1).count == 3
     assert threads_for(1, 10**9).count == 1
@@ -62,6 +63,15 @@ def test_the_count_of_threads_goes_by_size_unless_it_is_given(monkeypatch):
     assert [one.others for one in between] == [2, 3, 4]
     with pytest.raises(ValueError, match="threads must be at most 4 here, got 5"):
         threads_for(5, 1)
+
+
+def test_no_more_threads_than_cores_that_are_left_unless_they_are_asked_for(monkeypatch):
+    monkeypatch.setattr(_jit, "available_threads", lambda: 4)
+    monkeypatch.setattr(_jit.os, "sched_getaffinity", lambda _: {3}, raising=False)
+    for n_movable in (1, 2 * SHARE, PARALLEL_FROM):
+        one = threads_for(None, n_movable)
+        assert (type(one), one.count) == (Threads, 1)
+    assert threads_for(4, 1).count == 4
 
 
 def swept(monkeypatch, n_sweeps, seconds):

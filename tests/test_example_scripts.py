@@ -13,6 +13,7 @@ import pytest
 
 import qsmooth
 from qsmooth import quality, read_mesh
+from qsmooth.examples import around_body
 
 SCRIPTS = sorted((Path(__file__).resolve().parent.parent / "examples").glob("*.py"))
 
@@ -37,6 +38,22 @@ def moving_boundary(said, folder):
     assert quality(mesh).n_invalid == 0
     assert mesh.points[:, 1].min() >= 0.0
     assert mesh.points[20, 1] == pytest.approx(0.6)
+
+
+def turning_body(said, folder):
+    rows = re.findall(r"^ +\d+ +([\d.]+)° +([\d.]+) +(yes|no) +(\d+)", said, re.MULTILINE)
+    assert len(rows) == 10
+    assert float(rows[-1][0]) == 45.0
+    summary = re.search(
+        r"200 steps: .* valid in all of them: True, .* ([\d.]+)$", said, re.MULTILINE
+    )
+    assert float(summary[1]) > 0.7
+    assert all(0 < int(sweeps) <= 4 for *_, sweeps in rows)
+    smoothed = float(re.search(r"to the end: smallest scaled Jacobian ([\d.]+)", said)[1])
+    assert smoothed >= float(rows[-1][1])
+    mesh = read_mesh(folder / "body.vtk")
+    assert quality(mesh).n_invalid == 0
+    assert mesh.n_vertices == around_body(45).n_vertices
 
 
 def worst_cells_only(said, folder):
@@ -94,18 +111,51 @@ def hold_and_target(said, folder):
         assert quality(read_mesh(path)).n_invalid == 0
 
 
+def poisson(said, folder):
+    pattern = r"^(as it came|smoothed): " + ", ".join(
+        rf"{name} (\S+)"
+        for name in ("condition number", "iterations", "error of values", "error of slopes")
+    )
+    rows = {name: list(map(float, rest)) for name, *rest in re.findall(pattern, said, re.MULTILINE)}
+    before, after = rows["as it came"], rows["smoothed"]
+    assert after[0] < before[0] / 3
+    assert after[1] < 0.75 * before[1]
+    assert all(new < 0.9 * old for old, new in zip(before[2:], after[2:], strict=True))
+    assert (folder / "poisson.png").stat().st_size > 10_000
+
+
+def shallow_water(said, folder):
+    pattern = r"^ +[\d.]+ +([\d.]+) to ([\d.]+) +([\d.]+)° +([\d.]+)$"
+    rows = re.findall(pattern, said, re.MULTILINE)
+    assert len(rows) == 8
+    low, high, angle, volume = np.array(rows, float).T
+    assert np.ptp(low) > 0.3
+    assert np.ptp(high) > 0.3  # the shore goes up and down
+    assert angle.min() > 30.0
+    np.testing.assert_allclose(volume, volume[0], rtol=1e-9)
+    assert abs(float(re.search(r"volume changed by (\S+) of itself", said)[1])) < 1e-12
+    mesh = read_mesh(folder / "beach.vtk", surface="flat")
+    assert quality(mesh).n_invalid == 0
+    assert mesh.points[:, 2].max() > -0.1
+
+
 CHECKS = {
     "hold_and_target": (hold_and_target, 0),
     "metric_field": (metric_field, 0),
     "moving_boundary": (moving_boundary, 0),
+    "poisson": (poisson, 0),
     "quality_gate": (quality_gate, 1),  # one mesh is refused
+    "shallow_water": (shallow_water, 0),
     "smooth_file": (smooth_file, 0),
+    "turning_body": (turning_body, 0),
     "worst_cells_only": (worst_cells_only, 0),
 }
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
 def test_script(script, tmp_path):
+    if script.stem == "poisson":
+        pytest.importorskip("skfem")
     check, code = CHECKS[script.stem]  # a script without a check is not tested: give it one
     folder = tmp_path / "out"
     folder.mkdir()
@@ -118,7 +168,8 @@ def test_script(script, tmp_path):
         encoding="utf-8",
         check=False,
     )
-    assert (done.returncode, done.stderr) == (code, "")
+    said = done.stderr.replace("compiling, first time only\n", "")
+    assert (done.returncode, said) == (code, "")
     check(done.stdout, folder)
     assert [path.name for path in tmp_path.iterdir()] == ["out"]  # nothing beside the folder given
 

@@ -17,6 +17,7 @@ VALID = {
     "bump": (lambda: examples.bump(12), 144),
     "notch": (lambda: examples.notch(10), 100),
     "distorted": (lambda: examples.distorted(10, seed=1), 100),
+    "around a body": (lambda: examples.around_body(10), 96),
     "notch of triangles": (lambda: examples.notch(10, kind="triangle"), 200),
     "boundary layer": (lambda: examples.boundary_layer(10, 8), 80),
     "one vertex": (lambda: examples.simple_case(3), 3),

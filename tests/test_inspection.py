@@ -137,7 +137,7 @@ def test_planes_in_words():
     tilted = flat.copy()
     tilted[:, 2] = tilted[:, 0]
     assert inspect((tilted, cells)).plane == "3D, a tilted plane"
-    assert inspect(Mesh(tilted, cells, surface="flat")).plane == "3D, z from 0 to 2 carried along"
+    assert inspect(Mesh(tilted, cells, surface="flat")).plane == "3D, z from 0 to 2 as a value"
 
 
 def test_facts_are_fit_for_json_and_cut():

@@ -223,12 +223,17 @@ def test_a_cantilever_of_equal_rectangles_rests(shared_meshes):
     assert result.after.worst["max_angle"] == pytest.approx(90.0, abs=1e-6)
 
 
-def test_values_on_a_flat_mesh_are_carried_along(shared_meshes):
+def test_values_on_a_flat_mesh_are_interpolated_or_carried_along(shared_meshes):
     for file in ("river_mixed_z.obj", "odense_mixed_z.obj"):
         mesh = read(shared_meshes, file)
+        kept = smooth(mesh, "star", max_sweeps=3, carry="keep")
+        assert np.array_equal(kept.points[:, 2], mesh.points[:, 2])
         result = smooth(mesh, "star", max_sweeps=3)
-        assert np.array_equal(result.points[:, 2], mesh.points[:, 2])
-        assert (result.points != mesh.points).any()
+        assert np.array_equal(result.points[:, :2], kept.points[:, :2])
+        moved = (result.points[:, :2] != mesh.points[:, :2]).any(axis=1)
+        changed = result.points[:, 2] != mesh.points[:, 2]
+        assert changed.any()
+        assert not changed[~moved].any()
 
 
 def test_level_meshes_keep_their_z(shared_meshes):

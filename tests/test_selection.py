@@ -4,9 +4,17 @@ import numpy as np
 import pytest
 
 from meshes import grid, random_mesh
-from qsmooth import Mesh, Stop, quality, smooth
+from qsmooth import Mesh, Stop, quality, read_mesh, smooth
 from qsmooth.registry import methods
-from qsmooth.selection import parse_threshold, select_cells, vertices_of
+from qsmooth.selection import (
+    parse_selection,
+    parse_threshold,
+    read_ids,
+    select_cells,
+    select_vertices,
+    vertices_of,
+)
+from qsmooth.vectors import shortest_edges, transition
 
 
 @pytest.fixture
@@ -139,3 +147,171 @@ def test_a_cell_without_area_jumps_infinitely():
     flat = Mesh([(0, 0), (1, 0), (2, 0), (1, 1)], [(0, 1, 2), (0, 2, 3)])
     assert np.isinf(quality(flat).size_jump).all()
     assert quality(flat).summary().to_dict()["mean"]["size_jump"] is None
+
+
+# ------------------------------------------------------------------------------- regions, polygons
+
+GMSH = """$MeshFormat
+2.2 0 8
+$EndMeshFormat
+$PhysicalNames
+3
+1 7 "inlet"
+2 3 "water"
+2 4 "Sand Bank"
+$EndPhysicalNames
+$Nodes
+9
+1 0 0 0
+2 1 0 0
+3 2 0 0
+4 0 1 0
+5 1 1 0
+6 2 1 0
+7 0 2 0
+8 1 2 0
+9 2 2 0
+$EndNodes
+$Elements
+6
+1 1 2 7 1 4 1
+2 1 2 7 1 7 4
+3 3 2 3 1 1 2 5 4
+4 3 2 3 1 2 3 6 5
+5 3 2 4 2 4 5 8 7
+6 3 2 4 2 5 6 9 8
+$EndElements
+"""
+ABAQUS = """*NODE, NSET=EVERY
+1, 0, 0
+2, 1, 0
+3, 2, 0
+4, 0, 1
+5, 1, 1
+6, 2, 1
+*ELEMENT, TYPE=CPS4, ELSET=WHOLE
+1, 1, 2, 5, 4
+2, 2, 3, 6, 5
+*NSET, NSET=Middle
+2, 5
+*ELSET, ELSET=RIGHT
+2
+"""
+
+
+@pytest.fixture
+def gmsh(tmp_path):
+    path = tmp_path / "groups.msh"
+    path.write_text(GMSH)
+    return read_mesh(path)
+
+
+@pytest.fixture
+def abaqus(tmp_path):
+    path = tmp_path / "sets.inp"
+    path.write_text(ABAQUS)
+    return read_mesh(path)
+
+
+def test_cells_of_a_region_by_number_and_by_name(gmsh):
+    for text in ("region == 4", "region=4", "region == Sand Bank", "region = 'sand bank'"):
+        assert select_cells(gmsh, text).tolist() == [False, False, True, True]
+    message = r"there is no region 5; the regions of the mesh are 3, 4, water, Sand Bank"
+    with pytest.raises(ValueError, match=message):
+        select_cells(gmsh, "region == 5")
+    with pytest.raises(ValueError, match="did you mean 'water'"):
+        select_cells(gmsh, "region == watr")
+    with pytest.raises(ValueError, match="the mesh has no regions"):
+        select_cells(Mesh(*grid(2, 2)), "region == 1")
+
+
+@pytest.mark.nojit
+def test_cells_of_a_polygon(tmp_path):
+    mesh = Mesh(*grid(4, 4))
+    corner = [[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]]
+    assert np.flatnonzero(select_cells(mesh, corner)).tolist() == [0, 1, 4]
+    assert np.flatnonzero(select_cells(mesh, np.array(corner) + 0.1)).tolist() == [0, 1, 4]
+    words = "polygon: 0,0 2,0 2,1 1,1 1,2 0,2"
+    assert np.flatnonzero(select_cells(mesh, words)).tolist() == [0, 1, 4]
+    assert np.flatnonzero(select_cells(mesh, parse_selection(words))).tolist() == [0, 1, 4]
+    path = tmp_path / "corner.txt"
+    path.write_text("# a corner\n0 0\n2 0\n2 1\n1 1\n1 2\n0 2\n")
+    assert np.flatnonzero(select_cells(mesh, f"polygon: {path}")).tolist() == [0, 1, 4]
+    for wrong in ("polygon: 0,0 1,1", "polygon: 0,0 1,1 2"):
+        with pytest.raises(ValueError, match="pairs x,y of numbers, three or more"):
+            select_cells(mesh, wrong)
+    with pytest.raises(ValueError, match=r"cannot read .nowhere\.txt.: No such file"):
+        select_cells(mesh, "polygon: nowhere.txt")
+    with pytest.raises(ValueError, match="finite numbers"):
+        select_cells(mesh, [[0, 0], [1, np.nan], [1, 1]])
+
+
+# ------------------------------------------------------------------------------- vertices
+
+
+def ids_of(mesh, given):
+    return np.flatnonzero(select_vertices(mesh, given)).tolist()
+
+
+@pytest.mark.nojit
+def test_vertices_by_id_by_mask_and_by_condition():
+    mesh = Mesh(*grid(2, 2))
+    assert ids_of(mesh, [3, 4]) == ids_of(mesh, "3,4") == ids_of(mesh, " 3 4 ") == [3, 4]
+    assert ids_of(mesh, np.arange(9) == 4) == [4]
+    assert ids_of(mesh, "x < 1") == [0, 3, 6]
+    assert ids_of(mesh, "x>=1 AND y <= 0") == [1, 2]
+    assert ids_of(mesh, "x < 1 and y < 1, 8") == ids_of(mesh, ["x < 1 and y < 1", "8"]) == [0, 8]
+    assert ids_of(mesh, []) == ids_of(mesh, "x > 7") == []
+    deep = Mesh(np.column_stack([mesh.points, np.arange(9.0)]), mesh.cells, surface="flat")
+    assert ids_of(deep, "z > 6.5") == [7, 8]
+    for wrong in ("x <", "x < one", "w < 1", "z > 1", "x < 1 or y < 1", "wall"):
+        with pytest.raises(ValueError, match="and names; the mesh has no names; got"):
+            select_vertices(mesh, wrong)
+    with pytest.raises(ValueError, match=r"1 vertex id in fixed is outside 0 .. 8, the first is 9"):
+        select_vertices(mesh, "9")
+    with pytest.raises(ValueError, match="must be vertex ids, a boolean mask"):
+        select_vertices(mesh, 0.5)
+
+
+def test_vertices_by_what_the_file_calls_them(gmsh, abaqus):
+    assert ids_of(gmsh, "inlet") == ids_of(gmsh, "INLET") == [0, 3, 6]
+    assert ids_of(gmsh, "sand bank") == [3, 4, 5, 6, 7, 8]
+    assert ids_of(gmsh, "inlet, x > 1 and y < 1") == [0, 2, 3, 6]
+    with pytest.raises(ValueError, match=r"are inlet, water, Sand Bank; .* did you mean 'inlet'"):
+        select_vertices(gmsh, "inlett")
+    assert ids_of(abaqus, "middle") == [1, 4]
+    assert ids_of(abaqus, "right") == [1, 2, 4, 5]
+
+
+def test_ids_from_a_file(tmp_path):
+    path = tmp_path / "ids.txt"
+    path.write_text("# the pier\n4\n5 # its end\n\n7, 8\n")
+    assert read_ids(path, "fixed_file") == [4, 5, 7, 8]
+    path.write_text("")
+    assert read_ids(path, "fixed_file") == []
+    path.write_text("4\nfive\n")
+    with pytest.raises(ValueError, match=r"takes a file of vertex ids, and '.*' has 'five'"):
+        read_ids(path, "fixed_file")
+
+
+# ------------------------------------------------------------------------------- a transition
+
+
+@pytest.mark.parametrize("rings", [1, 3])
+def test_vertices_move_less_from_ring_to_ring_around_the_selection(rings):
+    mesh = random_mesh("quads", 14, seed=2, amount=1.0).mesh
+    middle = select_cells(mesh, [mesh.n_cells // 2])
+    grown, shares = transition(mesh, middle, rings)
+    assert np.array_equal(grown, select_cells(mesh, middle, rings))
+    expected = np.zeros(mesh.n_vertices)
+    for ring in range(rings, 0, -1):
+        expected[vertices_of(mesh, select_cells(mesh, middle, ring))] = 1 - ring / (rings + 1)
+    expected[vertices_of(mesh, middle)] = np.inf
+    assert shares == pytest.approx(expected)
+    limited = np.isfinite(shares)
+    most = shares[limited] * shortest_edges(mesh)[limited]
+    for method in ("star", "laplacian", "optimize"):
+        points = smooth(mesh, method, selection=middle, selection_rings=rings).points
+        moves = np.linalg.norm(points - mesh.points, axis=1)
+        assert moves[~limited].any()
+        assert (moves[limited] <= most).all()

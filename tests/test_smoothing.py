@@ -2,6 +2,7 @@
 
 import math
 import re
+import sys
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from qsmooth import (
     smooth,
     untangle,
 )
+from qsmooth.examples import bump
 from qsmooth.numbering import numbered
 from qsmooth.registry import all_methods, methods
 from qsmooth.topology import Topology
@@ -220,15 +222,149 @@ def test_a_time_limit_stops_it(known):
 
 
 @every_method
-def test_an_exception_in_the_callback_gets_through(known):
+def test_an_interrupt_gets_through_and_changes_nothing(known):
     def stop(record):
         raise KeyboardInterrupt
 
     mesh = rough()
     tangled = mesh.with_points(tangle(mesh.points, mesh.cells, np.random.default_rng(2), 1.0))
+    before = tangled.points.tobytes()
     with pytest.raises(KeyboardInterrupt):
         smooth(tangled, known(callback=stop))
+    assert tangled.points.tobytes() == before
     assert smooth(tangled, known(max_sweeps=2)).sweeps > 0
+
+
+class StopError(Exception):
+    pass
+
+
+@every_method
+@pytest.mark.parametrize("stop", ["true", "raises"])
+def test_a_callback_stops_it_with_the_best_so_far(known, stop):
+    records = []
+
+    def callback(record):
+        records.append(record)
+        if stop == "raises":
+            raise StopError
+        return np.True_
+
+    mesh = rough()
+    tangled = mesh.with_points(tangle(mesh.points, mesh.cells, np.random.default_rng(2), 1.0))
+    method = known(callback=callback)
+    if stop == "raises":
+        with pytest.raises(StopError) as error:
+            smooth(tangled, method)
+        result = error.value.result
+    else:
+        result = smooth(tangled, method)
+    assert len(records) == 1
+    assert result.outcome.stop is Stop.CALLBACK
+    assert not result.converged
+    assert "stopped when it was told to" in result.reason
+    assert result.sweeps > 0
+    assert result.to_dict()["outcome"]["stop"] == "callback"
+    # As far as it came when as many sweeps were allowed.
+    same = smooth(tangled, known(max_sweeps=result.sweeps))
+    assert same.after.n_invalid >= result.after.n_invalid
+
+
+def test_whatever_is_not_true_goes_on():
+    told = []
+    result = smooth(rough(), "star", max_sweeps=3, rtol=0.0, callback=lambda r: told.append(r) or 1)
+    assert len(told) == result.sweeps == 3
+
+
+@pytest.mark.parametrize("name", ["star", "optimize"])
+@pytest.mark.parametrize("limit", [7.0, 40.0, 95.0])
+def test_a_time_limit_is_held_to_a_tenth(monkeypatch, name, limit):
+    """On a clock that tells a second for each sweep, and half of one for each look."""
+    from qsmooth.engine import Threads
+    from qsmooth.methods import watching
+    from qsmooth.optimizer import look, progress, stages
+
+    now, run, made = [0.0], Threads.run, look.Look.__init__
+
+    def sweep(self, *arguments):
+        now[0] += 1.0
+        run(self, *arguments)
+
+    def take_a_look(self, *arguments):
+        now[0] += 0.5
+        made(self, *arguments)
+
+    monkeypatch.setattr(Threads, "run", sweep)
+    monkeypatch.setattr(look.Look, "__init__", take_a_look)
+    for module in (watching, stages, sys.modules["qsmooth.optimizer.method"]):
+        monkeypatch.setattr(module, "clock", lambda: now[0])
+    assert not hasattr(progress, "clock")  # it asks the one who watches
+    mesh = bump(30)
+    result = smooth(
+        mesh, name, time_limit=limit, threads=1, **({"rtol": 0.0} if name == "star" else {})
+    )
+    if result.outcome.stop is Stop.TIME_LIMIT:
+        # In the end a few looks sum up.
+        assert 0.5 * limit <= now[0] <= 1.1 * limit + 2.5
+        assert result.outcome.stop_at == limit
+    else:
+        assert now[0] <= 1.1 * limit
+    assert result.after.n_invalid == 0
+
+
+def test_callbacks_do_not_count_as_time(monkeypatch):
+    from qsmooth.methods import watching
+
+    now = [0.0]
+    monkeypatch.setattr(watching, "clock", lambda: now[0])
+
+    def slow(record):
+        now[0] += 100.0
+
+    result = smooth(rough(), "star", time_limit=1.0, max_sweeps=3, rtol=0.0, callback=slow)
+    assert result.outcome.stop is Stop.MAX_SWEEPS
+    assert result.sweeps == 3
+
+
+def test_progress_is_shown_when_asked_for_and_only_then(capfd):
+    mesh = rough()
+    smooth(mesh, "star", max_sweeps=3, rtol=0.0)
+    untangle(mesh)
+    assert capfd.readouterr() == ("", "")
+    records, seen = [], []
+    result = smooth(
+        mesh, Star(max_sweeps=3, rtol=0.0, callback=records.append),
+        progress=lambda record, done, most: seen.append((record, done, most)),
+    )  # fmt: skip
+    assert records == list(result.history)
+    assert seen == [(record, k + 1, 3) for k, record in enumerate(records)]
+    assert capfd.readouterr() == ("", "")
+    smooth(mesh, "star", max_sweeps=3, rtol=0.0, progress=True)
+    out, err = capfd.readouterr()
+    assert out == ""
+    last = result.history[-1]
+    assert (
+        err == f"qsmooth: star, 3 sweeps, angles {last.min_angle:.1f}° to {last.max_angle:.1f}°\n"
+    )
+    with pytest.raises(TypeError, match="progress must be True, False or a function, got 'bar'"):
+        smooth(mesh, "star", progress="bar")
+
+
+def test_progress_on_a_terminal_is_a_bar(monkeypatch):
+    import io
+
+    class Terminal(io.StringIO):
+        encoding = "utf-8"
+
+        def isatty(self):
+            return True
+
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    monkeypatch.setenv("TERM", "xterm-256color")
+    stops = []
+    result = smooth(rough(), progress=True, callback=lambda record: stops.append(1) or True)
+    assert result.outcome.stop is Stop.CALLBACK  # the caller's own callback is heard
+    assert "about 10 sweeps" in sys.stderr.getvalue()
 
 
 def test_smoothing_from_several_python_threads_at_once():

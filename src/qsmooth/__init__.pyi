@@ -2,6 +2,7 @@
 # first used.
 from .adapters.meshio_mesh import from_meshio as from_meshio
 from .adapters.meshio_mesh import to_meshio as to_meshio
+from .constraints import Constraints as Constraints
 from .errors import MeshError as MeshError
 from .errors import MeshWarning as MeshWarning
 from .io import read_mesh as read_mesh
@@ -26,9 +27,12 @@ from .outcome import Stop as Stop
 from .output.figures import plot_comparison as plot_comparison
 from .output.figures import plot_histograms as plot_histograms
 from .output.figures import plot_mesh as plot_mesh
+from .remapping import transfer as transfer
 from .result import History as History
 from .result import SmoothResult as SmoothResult
 from .result import SweepRecord as SweepRecord
+from .session import Smoother as Smoother
+from .session import StepRecord as StepRecord
 from .smoothing import compare as compare
 from .smoothing import smooth as smooth
 from .smoothing import untangle as untangle

@@ -25,6 +25,13 @@ def read_only(array: A) -> A:
     return view
 
 
+def all_read_only(value: Any) -> Any:
+    """View an array, or those in a tuple, such that they can't be written to."""
+    if isinstance(value, np.ndarray):
+        return read_only(value)
+    return tuple(map(all_read_only, value)) if isinstance(value, tuple) else value
+
+
 def checked_points(points: npt.ArrayLike) -> FloatArray:
     """Copy coordinates as float64, (n, 2) or (n, 3); MeshError where they are none."""
     try:

@@ -160,12 +160,14 @@ def threads_for(wanted: int | None, n_movable: int) -> Engine:
     ValueError
         If there are not so many.
     """
-    from qsmooth.kernels._jit import available_threads
+    from qsmooth.kernels._jit import available_threads, useful_threads
 
-    most = available_threads()
-    if wanted is not None and wanted > most:
-        raise OptionError(f"`threads` must be at most {most} here, got {wanted}")
-    if wanted is not None or n_movable >= PARALLEL_FROM:
-        return Threads(wanted or most)
-    several = min(most, n_movable // SHARE)
+    if wanted is not None:
+        if wanted > (most := available_threads()):
+            raise OptionError(f"`threads` must be at most {most} here, got {wanted}")
+        return Threads(wanted)
+    useful = useful_threads()
+    if n_movable >= PARALLEL_FROM:
+        return Threads(useful)
+    several = min(useful, n_movable // SHARE)
     return Quickest(several) if several > 1 else Threads(1)

@@ -285,7 +285,7 @@ def _plane(mesh: Mesh) -> str:
     if z.min() == z.max():
         return f"3D, z = {z[0]:.6g}"
     if mesh.surface == "flat":
-        return f"3D, z from {z.min():.6g} to {z.max():.6g} carried along"
+        return f"3D, z from {z.min():.6g} to {z.max():.6g} as a value"
     return f"3D, z = {z[0]:.6g} but for rounding"
 
 

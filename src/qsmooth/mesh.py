@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Sequence
 from typing import Any, Literal, TypeAlias
 
+import numpy as np
 import numpy.typing as npt
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray
@@ -42,7 +43,7 @@ class Mesh:
         What a third coordinate means. ``"auto"``: the points must lie in one plane (to 1e-9 of
         the mesh's diameter, or to the rounding of coordinates that have few digits), which is then
         smoothed in. ``"flat"``: x and y are the geometry, and
-        z is a value that is carried along, as the depth in a hydrodynamic mesh.
+        z is a value that belongs to places, as the depth in a hydrodynamic mesh.
     fixed : (n,) bool, or vertex ids
         Vertices that must not move, besides those on the boundary.
     regions : (n_cells,) integers
@@ -88,6 +89,12 @@ class Mesh:
         counts = {k: sum(len(b) for b in self._cells if b.shape[1] == k) for k in kinds}
         cells = ", ".join(f"{n} {kinds[k]}" for k, n in counts.items() if n)
         return f"Mesh({self.n_vertices} vertices, {cells})"
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore a pickled mesh; arrays come back writable, which is another type for kernels."""
+        self.__dict__.update(state)
+        self._points, self._xy = read_only(self._points), read_only(self._xy)
+        self._cells = _as_blocks(self._topology.given_vertices, self._cells)
 
     @property
     def points(self) -> FloatArray:
@@ -229,6 +236,29 @@ class Mesh:
             points[moved] += self._plane.displacement(xy[moved] - self._xy[moved])
         return self._at(points)
 
+    def with_fixed(self, fixed: npt.ArrayLike | None) -> Mesh:
+        """Make a mesh whose vertices here must not move, instead of those fixed before.
+
+        All else stays: regions, line cells, data, and the file that it was read from. Boundary
+        vertices are fixed in any case.
+
+        Parameters
+        ----------
+        fixed : (n,) bool, or vertex ids
+            None for no vertex.
+
+        Raises
+        ------
+        MeshError
+            If it is neither, or has ids that are no vertices.
+        """
+        mask = checked_fixed(fixed, self.n_vertices)
+        mesh = self._copy()
+        mesh._topology = self._topology.with_fixed(
+            np.zeros(self.n_vertices, np.bool_) if mask is None else mask
+        )
+        return mesh
+
     def with_cells(self, cells: IndexArray, regions: IndexArray | None = None) -> Mesh:
         """Put other cells, oriented as they are, on the same vertices; for `qsmooth.split`.
 
@@ -242,8 +272,24 @@ class Mesh:
         mesh = self._copy()
         mesh._cells = [read_only(cells)]
         mesh._topology = Topology(
-            self.n_vertices, mesh._cells, self.is_fixed, regions, self._topology.lines
+            self.n_vertices, mesh._cells, self._topology.given_fixed, regions, self._topology.lines
         )
+        return mesh
+
+    def with_values(self, points: FloatArray | None, source: object) -> Mesh:
+        """Give the mesh other values at the same places; for `qsmooth.carrying`.
+
+        Parameters
+        ----------
+        points : (n, 3) or None
+            With another z, which is no part of the geometry; not checked.
+        source
+            Its file's content, with other point data.
+        """
+        mesh = self._copy()
+        mesh._source = source
+        if points is not None:
+            mesh._points = read_only(points)
         return mesh
 
     def with_source(self, source: object, lines: IndexArray) -> Mesh:

@@ -11,9 +11,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal, TypeVar, cast
 
 import numpy as np
+import numpy.typing as npt
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray
 from qsmooth.checks import read_only
@@ -32,6 +33,7 @@ RUNS, RUN = 16, 1024
 # Metrics that are measured in the caller's order in any case.
 ON_EDGES = ("orthogonality", "non_orthogonality", "skewness")
 
+A = TypeVar("A", bound=npt.NDArray[Any])
 How = Literal["measured", "kept", "curve"]
 _how: list[How] = ["measured"]
 
@@ -76,11 +78,11 @@ class Inside:
         elif _how[-1] == "curve" or (_how[-1] == "measured" and is_scattered(mesh.topology)):
             self.topology = mesh.topology.along_curve(mesh.xy)
 
-    def at_vertices(self, values: FloatArray) -> FloatArray:
+    def at_vertices(self, values: A) -> A:
         """Put what the caller has at vertices, (n_vertices, ...), into the order inside; a copy."""
         if not self.topology.is_renumbered:
             return values.copy()
-        return np.take(values, self.topology.vertex_ids, axis=0)
+        return cast("A", np.take(values, self.topology.vertex_ids, axis=0))
 
     def chosen_vertices(self, chosen: BoolArray | None) -> BoolArray | None:
         """Put the caller's marks of vertices, (n_vertices,), into the order inside."""
@@ -90,11 +92,11 @@ class Inside:
         """Put the caller's marks of cells, (n_cells,), into the order inside."""
         return _taken(chosen, self.topology.cell_ids)
 
-    def back(self, values: FloatArray) -> FloatArray:
+    def back(self, values: A) -> A:
         """Put what there is at vertices inside into the caller's order; a copy."""
         if not self.topology.is_renumbered:
             return values.copy()
-        out = np.empty_like(values)
+        out: A = np.empty_like(values)
         out[self.topology.vertex_ids] = values
         return out
 

@@ -15,6 +15,7 @@ import types
 import typing
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 from qsmooth._words import did_you_mean
@@ -257,6 +258,21 @@ class Options:
 def spelled(text: str, spell: Callable[[str], str] = str) -> str:
     """Write the options in a text, which stand in backticks, in another way: with `spell`."""
     return _NAMED.sub(lambda found: spell(found[1]), text)
+
+
+def text_of(path: str | Path, option: str) -> str:
+    """Read a file that an option names.
+
+    Raises
+    ------
+    OptionError
+        If it can't be read, or is no text.
+    """
+    try:
+        return Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        why = getattr(error, "strerror", None) or "it is no text"
+        raise OptionError(f"`{option}`: cannot read '{path}': {why}") from None
 
 
 def one_of(values: Iterable[Any]) -> str:

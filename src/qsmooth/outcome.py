@@ -20,12 +20,13 @@ class Stop(StrEnum):
     STUCK = "stuck"  # untangling found no way for the cells that stay invalid
     MAX_SWEEPS = "max_sweeps"
     TIME_LIMIT = "time_limit"
+    CALLBACK = "callback"  # the caller's callback asked for it, or raised an exception
     NOTHING_MOVES = "nothing_moves"  # no vertex may move
 
     @property
     def by_itself(self) -> bool:
         """Whether it was done, and neither cut short nor stuck."""
-        return self not in (Stop.MAX_SWEEPS, Stop.TIME_LIMIT, Stop.STUCK)
+        return self not in (Stop.MAX_SWEEPS, Stop.TIME_LIMIT, Stop.CALLBACK, Stop.STUCK)
 
 
 class Aim(StrEnum):
@@ -222,6 +223,58 @@ class Held:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Carried:
+    """A value that belongs to places, where vertices have moved.
+
+    Attributes
+    ----------
+    name
+        ``z`` of a flat mesh, or the name of point data.
+    interpolated
+        Whether it was interpolated in the input mesh, or kept with its vertices.
+    vertices
+        How many vertices have moved.
+    largest, rms
+        How far off the input's own values it is at these where it moves along with them, in its
+        own unit: the largest error, and the root of the mean square. By as much interpolation has
+        changed it.
+    """
+
+    name: str
+    interpolated: bool
+    vertices: int
+    largest: float
+    rms: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sliding:
+    """What became of the vertices that could slide, and of the lines that they are on.
+
+    Attributes
+    ----------
+    boundary_vertices, may_slide, slid
+        Vertices of the boundary; those of them that could slide; and that are elsewhere now.
+    interface_vertices, interface_slid
+        Vertices on lines inside the mesh that could slide, and that are elsewhere now.
+    beside
+        Those that could not be brought onto the curve that was given.
+    deviation, deviation_share
+        Largest distance of an edge from the line that it stands for, a length; and the largest as a
+        share of its edge.
+    """
+
+    boundary_vertices: int
+    may_slide: int
+    slid: int
+    interface_vertices: int = 0
+    interface_slid: int = 0
+    beside: int = 0
+    deviation: float = 0.0
+    deviation_share: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
 class Outcome:
     """What a method did and why it stopped.
 
@@ -260,6 +313,10 @@ class Outcome:
         where no sweep was allowed.
     sizes
         What became of the cells' sizes; None where there is no target.
+    carried
+        What became of values that belong to places, a record each.
+    sliding
+        What became of the vertices that could slide; None where none could.
     limits
         Provable bounds of the angles, `qsmooth.Limits`, where the method works them out.
     """
@@ -281,6 +338,8 @@ class Outcome:
     cut: Cut | None = None
     target: Target | None = None
     sizes: Sizes | None = None
+    carried: tuple[Carried, ...] = ()
+    sliding: Sliding | None = None
     limits: Any = None
 
     @property
@@ -291,9 +350,9 @@ class Outcome:
     def to_dict(self) -> dict[str, Any]:
         """Plain values, fit for JSON: None for what is not finite."""
         plain: dict[str, Any] = {**vars(self), "stop": self.stop.value, "sweeps": self.sweeps}
-        for name in ("stages", "trades", "held"):
+        for name in ("stages", "trades", "held", "carried"):
             plain[name] = [asdict(record) for record in plain[name]]
-        for name in ("forbidden", "invalid", "cut", "target", "sizes"):
+        for name in ("forbidden", "invalid", "cut", "target", "sizes", "sliding"):
             plain[name] = None if plain[name] is None else asdict(plain[name])
         plain["limits"] = None if self.limits is None else self.limits.to_dict()
         made_finite: dict[str, Any] = finite(plain)

@@ -101,7 +101,7 @@ def _rounding(corners: FloatArray) -> float:
         return largest * float(np.finfo(np.float32).eps)
     exponents = np.floor(np.log10(sizes))
     for digits in range(1, FEW_DIGITS + 1):
-        unit = 10.0 ** (exponents + 1 - digits)
+        unit = np.maximum(10.0 ** (exponents + 1 - digits), np.finfo(np.float64).tiny)
         if (np.abs(np.round(sizes / unit) * unit - sizes) <= 1e-15 * sizes).all():
             return float(unit.max())
     return 0.0

@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from qsmooth._words import did_you_mean
 from qsmooth.adapters import to_mesh
+from qsmooth.bars import Shown, watched
+from qsmooth.constraints import Constraints
 from qsmooth.methods.base import Method
 from qsmooth.options import spelled
 from qsmooth.registry import all_methods, choose, method_class, methods
 from qsmooth.result import SmoothResult
 
 
-def smooth(mesh: Any, method: str | Method = "auto", **options: Any) -> SmoothResult:
+def smooth(
+    mesh: Any,
+    method: str | Method = "auto",
+    *,
+    constraints: Constraints | None = None,
+    progress: bool | Shown | None = None,
+    **options: Any,
+) -> SmoothResult:
     """Make a mesh better by moving its vertices; the cells stay as they are.
 
     Parameters
@@ -26,9 +36,16 @@ def smooth(mesh: Any, method: str | Method = "auto", **options: Any) -> SmoothRe
         ``"quad"``, ``"aspect-ratio"``, ``"angle"``, ``"smart-laplacian"``, ``"laplacian"``; see
         `Optimize`, `Star` and their like. ``"auto"`` means optimize, or aspect-ratio where
         `split_quads` is given.
+    constraints
+        What may move, where to, and how far; the same as its fields given among the options.
+    progress
+        True shows how far it is: a bar on a terminal or in a notebook, else a line on standard
+        error in the end. A function is called with each `SweepRecord`, the sweeps so far, and the
+        most that there can be, None where that is not known. By default nothing is shown.
     options
         Options of the method, described there. All have ``max_sweeps``, ``time_limit``,
-        ``selection``, ``selection_rings``, ``keep_interfaces``, ``threads`` and ``callback``.
+        ``threads``, ``callback``, ``carry``, ``interpolate``, and the fields of `Constraints`:
+        ``fixed``, ``max_move``, ``directions``, ``selection`` and others.
 
     Returns
     -------
@@ -41,24 +58,32 @@ def smooth(mesh: Any, method: str | Method = "auto", **options: Any) -> SmoothRe
         No such method, an option out of its range, or a method that can do nothing with the
         mesh's cells.
     TypeError
-        An option that the method does not have, or options beside a method that has its own.
+        An option that the method does not have, options beside a method that has its own, or one
+        that is in `constraints`, too.
     MeshError
         If a pair is no mesh.
     """
-    method, chosen = _chosen(method, options)
-    return method.run(to_mesh(mesh), chosen)
+    method, chosen = method_of(method, options, constraints)
+    with watched(method, progress) as shown:
+        return shown.smooth(to_mesh(mesh), chosen)
 
 
-def untangle(mesh: Any, **options: Any) -> SmoothResult:
+def untangle(
+    mesh: Any,
+    *,
+    constraints: Constraints | None = None,
+    progress: bool | Shown | None = None,
+    **options: Any,
+) -> SmoothResult:
     """Make an invalid mesh valid by moving vertices, and stop there; see `Untangle`.
 
     Parameters
     ----------
     mesh
         A `Mesh`, a pair ``(points, cells)``, or a mesh of meshio. It is not changed.
-    options
-        ``max_sweeps`` (20,000), ``time_limit``, ``selection``, ``selection_rings``,
-        ``keep_interfaces``, ``threads``, ``callback``.
+    constraints, progress, options
+        As in `smooth`. Options are ``max_sweeps`` (20,000), ``time_limit``, ``threads``,
+        ``callback``, and the fields of `Constraints`.
 
     Returns
     -------
@@ -70,15 +95,21 @@ def untangle(mesh: Any, **options: Any) -> SmoothResult:
     ValueError
         An option out of its range.
     TypeError
-        An option that it does not have.
+        An option that it does not have, or one that is in `constraints`, too.
     MeshError
         If a pair is no mesh.
     """
-    return all_methods()["untangle"].of(options).run(to_mesh(mesh))
+    given = _with_constraints(options, constraints)
+    with watched(all_methods()["untangle"].of(given), progress) as shown:
+        return shown.smooth(to_mesh(mesh))
 
 
 def compare(
-    mesh: Any, names: Iterable[str | Method] | None = None, **options: Any
+    mesh: Any,
+    names: Iterable[str | Method] | None = None,
+    *,
+    constraints: Constraints | None = None,
+    **options: Any,
 ) -> tuple[dict[str, SmoothResult], dict[str, str]]:
     """Smooth a mesh with several methods, each from the same start.
 
@@ -88,6 +119,8 @@ def compare(
         A `Mesh`, a pair ``(points, cells)``, or a mesh of meshio.
     names
         Methods, by name or with their options; all by default.
+    constraints
+        As in `smooth`.
     options
         Each goes to the methods given by name that take it: that have it and, where it is a
         choice, that value of it.
@@ -105,11 +138,12 @@ def compare(
         As in `smooth`; an option that none of the methods has is a TypeError.
     """
     mesh = to_mesh(mesh)
+    options = _with_constraints(options, constraints)
     chosen = numbered(configured(methods() if names is None else names, options))
     skipped = {name: spelled(why) for name, m in chosen.items() if (why := m.why_not(mesh))}
     if len(chosen) == 1:
         skipped = {}  # asked for alone it says itself why it can't
-    return {name: m.run(mesh) for name, m in chosen.items() if name not in skipped}, skipped
+    return {name: m.smooth(mesh) for name, m in chosen.items() if name not in skipped}, skipped
 
 
 def numbered(chosen: Iterable[Method]) -> dict[str, Method]:
@@ -154,15 +188,40 @@ def configured(
     return [thing.of(own[thing.name]) if isinstance(thing, type) else thing for thing in given]
 
 
-def _chosen(method: str | Method, options: dict[str, Any]) -> tuple[Method, str]:
-    """Make the method with its options; also why it was chosen, for ``"auto"``."""
+def method_of(
+    method: str | Method, options: dict[str, Any], constraints: Constraints | None
+) -> tuple[Method, str]:
+    """Make the method with its options; also why it was chosen, for ``"auto"``.
+
+    Raises
+    ------
+    ValueError, TypeError
+        As in `smooth`.
+    """
     if isinstance(method, Method):
         _require_none_beside(method, options)
+        if constraints is not None:
+            method = replace(method, **_with_constraints(method.given(), constraints))
         return method, ""
+    options = _with_constraints(options, constraints)
     if method != "auto":
         return method_class(method).of(options), ""
     name, why = choose(options)
     return method_class(name).of(options), why
+
+
+def _with_constraints(options: dict[str, Any], constraints: Constraints | None) -> dict[str, Any]:
+    """Add those constraints that are given to options.
+
+    Raises
+    ------
+    TypeError
+        If one of them is among the options.
+    """
+    given = {} if constraints is None else constraints.given()
+    if twice := [name for name in given if name in options]:
+        raise TypeError(f"given in constraints and beside them: {', '.join(twice)}")
+    return options | given
 
 
 def _require_none_beside(method: Method, options: Mapping[str, Any]) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray
-from qsmooth.checks import counted, read_only
+from qsmooth.checks import all_read_only, counted, read_only
 from qsmooth.errors import MeshError
 from qsmooth.kernels.stars import Stars
 from qsmooth.schedule import make_schedule
@@ -39,8 +39,9 @@ class Topology:
         Corners as the caller listed them.
     turned : (n_cells,)
         Cells that run the other way than the caller's.
-    used, is_boundary, is_fixed : (n_vertices,)
-        In a cell; on an edge with only one cell; never to move: boundary, the caller's, orphans.
+    used, is_boundary, given_fixed, is_fixed : (n_vertices,)
+        In a cell; on an edge with only one cell; fixed by the caller; never to move: both of these,
+        and orphans.
     regions : (n_cells,) or None
         Region of each cell.
     lines : (k, 2)
@@ -107,10 +108,7 @@ class Topology:
         self.is_boundary = read_only(
             kernels.mark_edge_ends(n_vertices, self.cell_offsets, vertices, twins < 0)
         )
-        is_fixed = self.is_boundary | ~self.used
-        if fixed is not None:
-            is_fixed |= fixed
-        self.is_fixed = read_only(is_fixed)
+        self._fix(np.zeros(n_vertices, np.bool_) if fixed is None else fixed)
         self._schedules: dict[bool, Stars] = {}
         self._blocks: dict[bool, Blocks] = {}
         self.is_renumbered = False
@@ -271,12 +269,38 @@ class Topology:
         marked[self.lines.ravel()] = True
         return read_only(marked)
 
+    def __getstate__(self) -> dict[str, object]:
+        """Leave out what sweeps are made of; it is made again when asked for."""
+        return {**self.__dict__, "_schedules": {}, "_blocks": {}, "_along_curve": None}
+
+    def __setstate__(self, state: dict[str, object]) -> None:
+        """Restore; arrays come back writable, which is another type for kernels."""
+        for name, value in state.items():
+            if name == "_given_star_corners":  # it never was read-only
+                self.__dict__[name] = value
+            else:
+                self.__dict__[name] = all_read_only(value)
+
     def with_lines(self, lines: IndexArray) -> Topology:
         """Share everything but the line cells, (k, 2)."""
-        topology = object.__new__(Topology)
-        topology.__dict__.update(self.__dict__)
+        topology = self._copy()
         topology.__dict__.pop("is_interface", None)
         topology.lines = read_only(np.array(lines, np.int64).reshape(-1, 2))
+        return topology
+
+    def with_fixed(self, fixed: BoolArray) -> Topology:
+        """Share everything but which vertices the caller fixes, (n_vertices,)."""
+        topology = self._copy()
+        topology._fix(fixed)
+        return topology
+
+    def _fix(self, fixed: BoolArray) -> None:
+        self.given_fixed = read_only(fixed)
+        self.is_fixed = read_only(self.is_boundary | ~self.used | fixed)
+
+    def _copy(self) -> Topology:
+        topology = object.__new__(Topology)
+        topology.__dict__.update(self.__dict__)
         topology._schedules, topology._blocks, topology._along_curve = {}, {}, None
         return topology
 
@@ -329,6 +353,7 @@ class Topology:
             turned=read_only(np.zeros(self.n_cells, np.bool_)),
             used=read_only(self.used[vertex_ids]),
             is_boundary=read_only(self.is_boundary[vertex_ids]),
+            given_fixed=read_only(self.given_fixed[vertex_ids]),
             is_fixed=read_only(self.is_fixed[vertex_ids]),
             is_interface=read_only(self.is_interface[vertex_ids]),
             _given_star_corners=star_corners,
@@ -355,6 +380,16 @@ class Topology:
         if keep_interfaces not in self._schedules:
             self._schedules[keep_interfaces] = self._make_schedule(self.movable(keep_interfaces))
         return self._schedules[keep_interfaces]
+
+    def schedule_of(self, movable: BoolArray) -> Stars:
+        """Return the vertices marked as movable, (n_vertices,), in the order of a sweep.
+
+        Unlike `schedule` it asks no further: also vertices that usually stay may be among them.
+        """
+        for keep_interfaces in (True, False):
+            if np.array_equal(movable, self.movable(keep_interfaces)):
+                return self.schedule(keep_interfaces)
+        return self._make_schedule(movable)
 
     def blocks(self, stars: Stars) -> Blocks:
         """Cut a schedule into blocks of lanes, once for those without a selection."""

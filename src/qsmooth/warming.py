@@ -19,7 +19,8 @@ def warmup(names: str | Iterable[str] | None = None) -> int:
     """Compile what methods need ahead of their first use; it is kept on disk.
 
     What is compiled already costs a second or so. What only an option asks for is left to its
-    first use: targets other than the default, and metrics beyond the short list.
+    first use: targets other than the default, and metrics beyond the short list. So is what finds
+    depths anew with `surface="flat"`.
 
     Parameters
     ----------

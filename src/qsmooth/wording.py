@@ -6,7 +6,19 @@ import math
 from collections.abc import Callable
 
 from qsmooth._words import in_a_row, plural
-from qsmooth.outcome import Aim, Held, Invalid, Outcome, Sizes, Stage, Stop, Target, Trade
+from qsmooth.outcome import (
+    Aim,
+    Carried,
+    Held,
+    Invalid,
+    Outcome,
+    Sizes,
+    Sliding,
+    Stage,
+    Stop,
+    Target,
+    Trade,
+)
 
 # Figures in words, and how they are written.
 _FIGURES: dict[str, tuple[str, str]] = {
@@ -25,6 +37,8 @@ _TARGETS = {
     "initial": "the cells as they were, with right angles",
     "metric": "the metric",
 }
+# An outline that has moved by less than this share of an edge has not.
+ROUNDING = 1e-9
 UNCHANGED = "already as good as this method gets: unchanged"
 
 
@@ -50,8 +64,10 @@ def reason(outcome: Outcome, *, spell: Callable[[str], str] = str, limits: bool 
     if not outcome.unchanged:
         parts += _done(outcome)
         parts += [*_towards(outcome.target), *_sizes(outcome.sizes, outcome.trades)]
+        parts += _slid(outcome.sliding)
     parts += [*_given_up(outcome, spell), *_why(outcome, spell)]
     parts += _not_valid(outcome)
+    parts += [_carried(record, spell) for record in outcome.carried if record.largest > 0.0]
     if limits and outcome.limits is not None:
         parts += str(outcome.limits).splitlines()
     return "; ".join(parts)
@@ -154,6 +170,27 @@ def _sizes(sizes: Sizes | None, trades: tuple[Trade, ...]) -> list[str]:
     return said
 
 
+def _slid(sliding: Sliding | None) -> list[str]:
+    """How many vertices slid, and how far that took their lines."""
+    if sliding is None:
+        return []
+    counts = []
+    if sliding.slid:
+        counts.append(f"{sliding.slid} of {sliding.boundary_vertices} boundary vertices slid")
+    if sliding.interface_slid:
+        of = plural(sliding.interface_vertices, "vertex", "vertices")
+        counts.append(f"{sliding.interface_slid} of {of} on lines inside that may slide did")
+    if counts and sliding.deviation_share > ROUNDING:
+        percent = 100.0 * sliding.deviation_share
+        counts.append(f"the outline moved by at most {percent:.2g} % of the local edge")
+    elif counts:
+        counts.append("the outline is where it was")
+    if sliding.beside:
+        beside = plural(sliding.beside, "vertex", "vertices")
+        counts.append(f"{beside} could not be brought onto the curve")
+    return counts
+
+
 def _factor(value: float) -> str:
     return f"{value:.2f}" if 0.01 <= value < 100.0 else f"{value:.2g}"
 
@@ -178,6 +215,8 @@ def _why(outcome: Outcome, spell: Callable[[str], str]) -> list[str]:
         return [] if _done(outcome) else ["all cells are valid"]
     if outcome.stop is Stop.TIME_LIMIT:
         return [f"the time limit of {outcome.stop_at:g} s was reached"]
+    if outcome.stop is Stop.CALLBACK:
+        return ["stopped when it was told to"]
     if outcome.stop is Stop.MAX_SWEEPS:
         if not outcome.sweeps:
             return ["no sweep was asked for"]
@@ -222,6 +261,20 @@ def _not_valid(outcome: Outcome) -> list[str]:
     if not outcome.guarded:
         return [f"{outcome.method} is unguarded: it made {plural(invalid.after, 'cell')} invalid"]
     return []
+
+
+def _carried(record: Carried, spell: Callable[[str], str]) -> str:
+    """What became of a value that belongs to places."""
+    error = f"by up to {record.largest:.3g} (root mean square {record.rms:.3g})"
+    if record.interpolated:
+        return (
+            f"{record.name} was interpolated in the input mesh, which changed it {error}: carried "
+            "along unchanged it would be wrong by that"
+        )
+    return (
+        f"{record.name} was carried along unchanged and is wrong {error}; "
+        f"{spell('carry=' + repr('interpolate'))} mends that"
+    )
 
 
 def _stays_invalid(invalid: Invalid) -> str:

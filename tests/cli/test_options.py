@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Literal
 
+import numpy as np
 import pytest
 
-from qsmooth import read_mesh, registry, smooth
+from qsmooth import from_meshio, read_mesh, registry, smooth, to_meshio, write_mesh
 from qsmooth.cli.app import COMMANDS
 from qsmooth.cli.options import Command, default_words, range_words, spell
 from qsmooth.methods.driver import Sweep, SweepingMethod
@@ -41,8 +42,16 @@ def other_value(spec):
         return value, [flag, value]
     if spec.name == "hold":
         return ("aspect_ratio", "shape"), [flag, "shape,aspect_ratio"]
+    if spec.name == "interpolate":
+        return ("bed", "wind"), [flag, "bed, wind"]
     if spec.name == "target":
         return "initial", [flag, "initial"]
+    if spec.name == "directions":
+        return (0.0, 1.0), [flag, "0,1"]
+    if spec.name == "fixed_file":
+        return "file.txt", [flag, "file.txt"]
+    if spec.name == "curve":
+        return [[(0.0, 0.0), (1.0, 0.0)]], [flag, "curve.txt"]
     if spec.kind == "object":
         return [0, 1], [flag, "0,1"]
     low, high = spec.interval.low, min(spec.interval.high, spec.interval.low + 1e6)
@@ -50,6 +59,14 @@ def other_value(spec):
     value = given + 0.25 * (high - given) if given < high else given - 0.25 * (given - low)
     value = int(value) if spec.kind == "integer" else value
     return value, [flag, value]
+
+
+def with_data(mesh_file, names):
+    """The same mesh in a file that has point data of these names."""
+    mesh, path = to_meshio(read_mesh(mesh_file)), mesh_file.with_suffix(".vtu")
+    mesh.point_data = dict.fromkeys(names, mesh.points[:, 0])
+    write_mesh(path, from_meshio(mesh))
+    return path
 
 
 def help_of(call, monkeypatch, *command):
@@ -66,13 +83,20 @@ def test_every_option_of_every_method_arrives(call, mesh_file, tmp_path, monkeyp
     monkeypatch.setattr("qsmooth.cli.running.replace", lambda made, **_: seen.append(made) or made)
     monkeypatch.setattr(method, "run", lambda *_: 1 / 0)
     value, words = other_value(spec)
-    with_it = {"worst_fraction": 0.5} if spec.name == "worst_first" else {}  # which it needs
+    needed = {"worst_first": {"worst_fraction": 0.5}, "curve": {"boundary": "slide"}}
+    with_it = needed.get(spec.name, {})
     words += [word for name, given in with_it.items() for word in (spell(name), given)]
+    out = tmp_path / "out.off"
+    if spec.name == "interpolate":
+        mesh_file, out = with_data(mesh_file, value), tmp_path / "out.vtu"
+    if spec.name == "curve":
+        words[1] = tmp_path / words[1]
+        words[1].write_text("0 0\n1 0\n")
     name, *more = command_of(method)
-    code, _, err = call(name, mesh_file, "-o", tmp_path / "out.off", *more, *words)
+    code, _, err = call(name, mesh_file, "-o", out, *more, *words)
     assert code == 2
     assert "ZeroDivisionError" in err  # it came as far as the run
-    assert getattr(seen[0], spec.name) == value
+    assert np.array_equal(getattr(seen[0], spec.name), value)
     others = set(seen[0].given()) - {spec.name}
     assert others == set(with_it)
 

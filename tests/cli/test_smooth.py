@@ -2,12 +2,14 @@
 
 import json
 import os
+import signal
 import sys
 
+import meshio
 import numpy as np
 import pytest
 
-from qsmooth import Mesh, limits, read_mesh, smooth, write_mesh
+from qsmooth import Mesh, limits, read_mesh, smooth, transfer, write_mesh
 from qsmooth.examples import spiral
 
 pytestmark = pytest.mark.nojit
@@ -119,6 +121,54 @@ def test_out_format_goes_by_its_ending(call, mesh_file, tmp_path):
     named = tmp_path / "out.txt"
     assert call("smooth", mesh_file, "-o", named, "--output-format", "obj", "--sweeps", 1)[0] == 0
     assert call("quality", named, "--format", "obj")[0] == 0
+
+
+@pytest.fixture
+def heard():
+    """Ctrl-C is heard; a shell has what it runs in the background ignore it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("heard")
+@pytest.mark.skipif(os.name != "posix", reason="signals are others elsewhere")
+@pytest.mark.parametrize("command", ["smooth", "untangle"])
+@pytest.mark.parametrize("keep", ["best", "best, but OUT is there", "nothing"])
+def test_an_interrupted_run(call, mesh_file, tmp_path, monkeypatch, command, keep):
+    from qsmooth.examples import tangled
+    from qsmooth.methods.watching import Watch
+
+    tell, told = Watch.tell, []
+
+    def press(self, record):
+        if not told:
+            os.kill(os.getpid(), signal.SIGINT)
+        told.append(record)
+        tell(self, record)
+
+    monkeypatch.setattr(Watch, "tell", press)
+    if command == "untangle":
+        write_mesh(mesh_file, tangled(8, 8, amount=3.0))
+    out, options = tmp_path / "out.off", []
+    if keep != "nothing":
+        options = ["--keep-best"]
+    if keep == "best, but OUT is there":
+        out.write_bytes(b"precious")
+        options.append("--overwrite")
+    code, said, err = call(command, mesh_file, "-o", out, *options)
+    assert (code, said) == (130, "")
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if keep == "best":
+        assert err == f"qsmooth: interrupted, wrote the best so far, {out}\n"
+        assert len(told) == 1
+        assert not np.array_equal(read_mesh(out).points, read_mesh(mesh_file).points)
+    elif keep == "nothing":
+        assert err == "qsmooth: interrupted\n"
+        assert not out.exists()
+    else:
+        assert err == f"qsmooth: interrupted, '{out}' is left as it was\n"
+        assert out.read_bytes() == b"precious"
 
 
 def test_input_is_safe_without_overwrite(fails, mesh_file):
@@ -259,8 +309,39 @@ def test_z_as_a_value(call, fails, tmp_path):
         assert call(command[0], path, "--surface", "flat", *command[1:])[0] == 0
     out_file = tmp_path / "out.off"
     assert call("smooth", path, "-o", out_file, "--surface", "flat", "--sweeps", 20)[0] == 0
-    z = [read_mesh(p, surface="flat").points[:, 2] for p in (path, out_file)]
-    assert np.array_equal(*z)
+    old, new = (read_mesh(p, surface="flat") for p in (path, out_file))
+    z = transfer(old, new, old.points[:, 2])
+    assert np.array_equal(z, new.points[:, 2])
+    assert not np.array_equal(z, old.points[:, 2])
+    flags = "--surface", "flat", "--sweeps", 20, "--overwrite", "--carry", "keep"
+    code, out, _ = call("smooth", path, "-o", out_file, *flags)
+    assert code == 0
+    assert "z was carried along unchanged and is wrong by up to" in " ".join(out.split())
+    assert "--carry interpolate mends that" in " ".join(out.split())
+    kept = read_mesh(out_file, surface="flat")
+    assert np.array_equal(kept.points[:, 2], old.points[:, 2])
+    assert np.array_equal(kept.xy, new.xy)
+
+
+def test_point_data_is_interpolated_where_it_is_named(call, fails, tmp_path):
+    mesh = spiral(300)
+    data = {"bed": mesh.points @ [2.0, 3.0], "wind": np.cos(mesh.points), "id": np.arange(9)}
+    data["id"] = np.arange(mesh.n_vertices)
+    path, out_file = tmp_path / "in.vtu", tmp_path / "out.vtu"
+    meshio.Mesh(mesh.points, [("quad", mesh.cells[0])], point_data=data).write(path)
+    flags = "--sweeps", 20, "--interpolate", "bed"
+    code, out, _ = call("smooth", path, "-o", out_file, *flags)
+    assert code == 0
+    assert "bed was interpolated in the input mesh" in " ".join(out.split())
+    new = meshio.read(out_file)
+    np.testing.assert_allclose(new.point_data["bed"], new.points[:, :2] @ [2.0, 3.0], atol=1e-12)
+    assert np.array_equal(new.point_data["wind"], data["wind"])
+    for name, words in (("bad", "did you mean 'bed'?"), ("id", "floats, 'id' is int64")):
+        assert words in fails("smooth", path, "-o", tmp_path / "no.vtu", "--interpolate", name)
+    message = fails("smooth", path, "-o", tmp_path / "no.off", *flags)
+    assert f"--interpolate: format off of '{tmp_path / 'no.off'}' holds no point data" in message
+    assert not (tmp_path / "no.off").exists()
+    assert call("untangle", path, "-o", tmp_path / "no.vtu", "--interpolate", "bed")[0] == 0
 
 
 def test_smooth_shows_the_limits_on_lines_of_their_own(call, mesh_file, tmp_path):

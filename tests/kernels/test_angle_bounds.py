@@ -9,20 +9,21 @@ import reference
 import reference_optimizer as slow
 from meshes import KINDS, fan, grid, random_mesh, random_meshes
 from qsmooth import Mesh
-from qsmooth.kernels.angle_bounds import angle_bounds
+from qsmooth.kernels.angle_bounds import NO_SWINGS, Swings, angle_bounds
 from qsmooth.kernels.topology import corner_cells, stars
 
 
-def bounds(mesh):
+def bounds(mesh, slides=(), swings=NO_SWINGS):
     """Bounds of every vertex, and which may move."""
     topology = mesh.topology
     movable = np.zeros(mesh.n_vertices, np.bool_)
     movable[topology.schedule(True).vertices] = True
+    movable[list(slides)] = True
     offsets, _, corners = stars(mesh.n_vertices, mesh.cell_offsets, mesh.cell_vertices)
     smallest, largest = np.full((2, mesh.n_vertices), np.nan)
     angle_bounds(
         mesh.xy, mesh.cell_offsets, mesh.cell_vertices, corner_cells(mesh.cell_offsets),
-        topology.twins, offsets, corners, movable, smallest, largest,
+        topology.twins, offsets, corners, movable, swings, smallest, largest,
     )  # fmt: skip
     return smallest, largest, movable
 
@@ -32,6 +33,23 @@ def test_a_grid_of_squares_has_90_degrees_everywhere():
     smallest, largest, _ = bounds(Mesh(*grid(3, 3)))
     assert smallest == pytest.approx(np.full(16, 90.0))
     assert largest == pytest.approx(np.full(16, 90.0))
+
+
+@pytest.mark.nojit
+@pytest.mark.parametrize("swing", [0.0, 4.0])
+def test_edges_between_sliding_vertices_are_known_up_to_how_far_they_turn(swing):
+    """Vertex 1 slides between the corners 0 and 2 of a row of two squares."""
+    mesh = Mesh(*grid(2, 1))
+    turn, after, before = np.full((3, 6), -1.0)
+    turn[1], after[1], before[1] = 3.0, swing, 2.0 * swing
+    smallest, largest, _ = bounds(mesh, [1], Swings(turn, after, before))
+    assert (smallest[1], largest[1]) == pytest.approx((91.5, 88.5))
+    assert (smallest[0], largest[0]) == pytest.approx((90.0 + swing, 90.0 - swing))
+    assert (smallest[2], largest[2]) == pytest.approx((90.0 + 2 * swing, 90.0 - 2 * swing))
+    assert (smallest[4], largest[4]) == pytest.approx((90.0, 90.0))
+    # Of what just moves nothing is known.
+    smallest, largest, _ = bounds(mesh, [1])
+    assert [*smallest[:3], *largest[:3]] == [360.0, 360.0, 360.0, 0.0, 0.0, 0.0]
 
 
 @pytest.mark.nojit

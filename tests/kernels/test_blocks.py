@@ -44,7 +44,7 @@ def rows_of(schedule, i):
 
 def check(mesh):
     schedule, made = blocks_of(mesh)
-    colour_blocks, blocks, vertices, stars, cells, largest = made
+    colour_blocks, blocks, vertices, stars, cells, largest, _ = made
     corners_of_rows = row_corners(made, *mesh.topology.cells)
     n = schedule.vertices.size
     assert largest == schedule.largest
@@ -106,7 +106,7 @@ def test_blocks_are_full_where_all_stars_are_alike():
 
 @pytest.mark.nojit
 def test_no_movable_vertex_makes_no_block():
-    _, (colour_blocks, blocks, vertices, stars, cells, largest) = blocks_of(Mesh(*grid(1, 3)))
+    _, (colour_blocks, blocks, vertices, stars, cells, largest, _) = blocks_of(Mesh(*grid(1, 3)))
     assert colour_blocks[-1] == 0
     assert len(blocks) == vertices.size == stars.size == cells.size == largest == 0
 
@@ -139,6 +139,32 @@ def test_ideal_shapes_of_any_size_ask_for_nothing(kind):
     assert rows.asks.size == len(blocks.table)
     assert (rows.near == 1.0).all()
     assert rows.near.size == blocks.cells.size
+
+
+@pytest.mark.nojit
+def test_what_no_block_asks_for_has_no_rows():
+    mesh = random_mesh("mixed", 5, seed=1).mesh
+    blocks, corners, (shapes, area, size_weight, slim) = asked_of(mesh)
+    one, n = np.ones(mesh.n_cells), blocks.cells.size
+    of_groups = []
+    for figures in (np.zeros_like(slim), slim), (one, slim), (np.zeros_like(slim), one):
+        rows = make_rows(blocks, corners, shapes, area, *figures, one, 0)
+        sizes = [values.size for values in rows[1:]]
+        of_groups.append([set(sizes[:3]), set(sizes[3:6]), set(sizes[6:])])
+    assert of_groups == [[{0}, {0}, {0}], [{0}, {n}, {0}], [{0}, {0}, {n}]]
+    rows = make_rows(blocks, corners, 2.0 * shapes, area, size_weight, slim, one, 0)
+    assert [values.size for values in rows[1:]] == [n] * 3 + [0] * 5
+
+
+@pytest.mark.nojit
+def test_ideal_shapes_need_no_corners():
+    mesh = random_mesh("mixed", 5, seed=1).mesh
+    blocks, corners, asked = asked_of(mesh)
+    weight, wanted = np.linspace(0.5, 2.0, mesh.n_cells), SHAPES | SIZES | WALLS
+    looked_up = make_rows(blocks, corners, *asked, weight, wanted)
+    known = make_rows(blocks, corners[:0], *asked, weight, wanted)
+    for first, second in zip(looked_up, known, strict=True):
+        assert first.tobytes() == second.tobytes()
 
 
 @pytest.mark.nojit

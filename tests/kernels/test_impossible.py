@@ -7,6 +7,7 @@ from meshes import KINDS, grid, tangle
 from promises import hopeless_cells, invalid_cells
 from qsmooth import Mesh, quality
 from qsmooth.kernels import impossible
+from qsmooth.kernels.rails import FREE
 from qsmooth.metrics.impossible import impossible as prove
 
 
@@ -94,13 +95,13 @@ def test_a_doublet_goes_to_where_180_degrees_are_least_exceeded(place, far):
     mesh = mesh.with_points(mesh.points + far)
     xy, lengths, t = mesh.xy.copy(), np.full(1, np.nan), mesh.topology
     stars = t.star_offsets, t.star_cells, t.star_corners
-    impossible.place_doublets(xy, np.array([9]), *stars, *t.cells, lengths)
+    impossible.place_doublets(xy, np.array([9]), *stars, *t.cells, FREE, lengths)
     after = quality(mesh.with_points(xy))
     assert after.n_invalid == 1
     assert 180.0 < after.max_angle.max() < 180.01
     assert lengths == pytest.approx([np.hypot(*(xy[9] - mesh.xy[9]))])
     assert xy[:9].tobytes() == mesh.xy[:9].tobytes()
     again = xy.copy()
-    impossible.place_doublets(again, np.array([9]), *stars, *t.cells, lengths)
+    impossible.place_doublets(again, np.array([9]), *stars, *t.cells, FREE, lengths)
     assert lengths[0] <= 1e-6
     assert np.abs(again - xy).max() <= 1e-6

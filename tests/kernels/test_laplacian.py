@@ -112,7 +112,7 @@ def test_sweeps_all_at_once_measure_their_moves_on_any_number_of_threads(name):
 @pytest.mark.parametrize("kind", sorted(KINDS))
 def test_blocks_of_rings_hold_each_movable_vertex_once_with_all_its_neighbours(kind):
     mesh = random_mesh(kind, 12, seed=4).mesh
-    table, vertices, neighbours = ring_blocks(mesh)
+    table, vertices, neighbours, _ = ring_blocks(mesh)
     assert sorted(vertices.tolist()) == np.flatnonzero(~mesh.is_fixed).tolist()
     rings = reference.rings(reference.as_lists(mesh), mesh.n_vertices)
     vertex, entry = 0, 0

@@ -8,6 +8,7 @@ from meshes import KINDS, fan, grid, tangle
 from promises import invalid_cells
 from qsmooth import Mesh
 from qsmooth.kernels import tangles
+from qsmooth.kernels.rails import FREE
 
 
 def tangled(kind="mixed", size=5, seed=0, amount=1.0):
@@ -29,7 +30,7 @@ def mend(mesh, vertices, closed=None):
     closed = np.zeros(mesh.cell_vertices.size, np.bool_) if closed is None else closed
     t, lengths = mesh.topology, np.full(listed.size, np.nan)
     tables = t.star_offsets, t.star_cells, t.star_corners, *t.cells
-    tangles.mend_more(xy, tables, closed, listed, lengths)
+    tangles.mend_more(xy, tables, closed, listed, FREE, lengths)
     return xy, lengths
 
 

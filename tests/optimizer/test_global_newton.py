@@ -5,11 +5,12 @@ import pytest
 
 from meshes import renumber
 from promises import check, invalid_cells
-from qsmooth import Mesh, Optimize, quality, smooth
+from qsmooth import Constraints, Mesh, Optimize, quality, smooth
 from qsmooth.engine import threads_for
 from qsmooth.examples import distorted, structured
 from qsmooth.kernels._jit import use_threads
 from qsmooth.kernels.multigrid import CHUNK
+from qsmooth.kernels.rails import FREE
 from qsmooth.numbering import Inside, numbered
 from qsmooth.optimizer import global_newton
 from qsmooth.optimizer.global_newton import GlobalNewton
@@ -30,10 +31,9 @@ def lanes_of(mesh):
     return lanes
 
 
-def solver_of(lanes):
-    return GlobalNewton(
-        lanes.topology, lanes.stars, lanes.targets.corners, lanes.sizes, lanes.maps, lanes.caps
-    )
+def solver_of(lanes, rails=FREE):
+    targets = lanes.targets.corners, lanes.sizes, lanes.maps
+    return GlobalNewton(lanes.topology, lanes.stars, *targets, lanes.caps, rails)
 
 
 def solver(mesh):
@@ -56,6 +56,26 @@ def energy(mesh, xy):
     movable[mesh.topology.schedule(True).vertices] = True
     cell_energy(xy, *mesh.topology.cells, movable, *asked(mesh), worst, total)
     return float((total * np.where(np.diff(mesh.cell_offsets) == 3, 1.0, 4.0)).sum())
+
+
+@pytest.mark.parametrize("kind", ["quad", "triangle"])
+@pytest.mark.parametrize(
+    ("constraints", "first", "second"),
+    # What two steps gain at least; a step that is confined but not meant for it gains less.
+    [(Constraints(directions=(0, 1)), 0.12, 0.025), (Constraints(max_move=0.02), 0.05, 0.02)],
+    ids=["directions", "reach"],
+)
+def test_steps_are_those_of_what_vertices_may_do(kind, constraints, first, second):
+    mesh = warped(kind=kind)
+    rails = constraints.freedom(mesh).rails()
+    steps, xy = solver_of(lanes_of(mesh), rails), mesh.xy.copy()
+    assert steps.step(xy) > first
+    assert steps.step(xy) > second
+    assert not invalid_cells(mesh.with_points(xy)).any()
+    moves = xy - mesh.xy
+    assert (np.linalg.norm(moves, axis=1) <= rails.reach).all()
+    if constraints.directions is not None:
+        assert not moves[:, 0].any()
 
 
 @pytest.mark.parametrize("kind", ["quad", "triangle", "mixed"])

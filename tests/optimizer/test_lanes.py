@@ -7,8 +7,8 @@ import pytest
 
 import reference
 import reference_optimizer as slow
-from meshes import random_mesh
-from qsmooth import Optimize, examples, quality
+from meshes import grid, random_mesh
+from qsmooth import Constraints, Mesh, Optimize, examples, quality
 from qsmooth.engine import threads_for
 from qsmooth.kernels.newton_sweep import Wall
 from qsmooth.optimizer.lanes import LEAST_CAP, LEAST_SLIM, SLIMMER, Lanes
@@ -106,6 +106,31 @@ def test_walls_of_layers_get_no_looser_and_their_sizes_count_more():
     weight, _ = of_cells(lanes, lanes._rows.size_weight)
     heavier = weight > targets.size_weight[seen]
     assert np.array_equal(heavier, targets.is_layer[seen] & (targets.size_weight[seen] > 0.0))
+
+
+# ------------------------------------------------------------------------------- rows
+
+
+def test_rows_are_there_from_when_a_sweep_reads_them():
+    mesh = random_mesh("mixed", 5, seed=1).mesh
+    lanes = lanes_of(mesh)
+    assert [values.size for values in lanes.rows_for(NO_WALL)[1:]] == [0] * 8
+    rows, n = lanes.rows_for(Wall(1.0, 1.5, 3)), lanes._blocks.cells.size
+    assert [values.size for values in rows[1:]] == [0] * 6 + [n, n]
+    assert (rows.near == 1.0).all()
+    assert not rows.slim.any()
+    lanes.weigh_good(mesh.xy)
+    assert [values.size for values in lanes.rows_for(NO_WALL)[1:]] == [n] * 3 + [0] * 5
+    one = np.ones(mesh.n_cells)
+    lanes.aim_at(ideal(mesh.topology)._replace(area=one, size_weight=one))
+    assert [values.size for values in lanes.rows_for(NO_WALL)[4:]] == [n] * 3 + [0] * 2
+
+
+def test_sweeps_in_a_mapped_plane_have_all_rows():
+    mesh = random_mesh("mixed", 4, seed=1).mesh
+    maps = np.tile([1.0, 0.0, 1.0], (mesh.n_cells, 1))
+    lanes = lanes_of(mesh, ideal(mesh.topology)._replace(maps=maps))
+    assert {values.size for values in lanes.rows_for(NO_WALL)[1:]} == {lanes._blocks.cells.size}
 
 
 # ------------------------------------------------------------------------------- walls on corners
@@ -230,3 +255,51 @@ def test_cells_that_stay_invalid_are_no_trouble():
     assert np.isinf(lanes.worst_shape(mesh.xy)).any()
     for values in lanes._rows[1:]:
         assert np.isfinite(values).all()
+
+
+# ------------------------------------------------------------------------------- constraints
+
+
+def shape_energy(mesh, x, y):
+    """Sum of (|u|² + |w|²) / 2 det(u, w) over the corners, with the middle vertex there."""
+    points, total = mesh.xy.copy(), 0.0
+    points[4] = x, y
+    for cell in reference.as_lists(mesh):
+        for v, b, d in reference.corners(cell):
+            (ux, uy), (wx, wy) = points[b] - points[v], points[d] - points[v]
+            det = ux * wy - uy * wx
+            total += 0.5 * (ux * ux + uy * uy + wx * wx + wy * wy) / det if det > 0.0 else np.inf
+    return total
+
+
+@pytest.mark.parametrize("untangling", [False, True])
+@pytest.mark.parametrize("constraint", ["line", "disc"])
+def test_newtons_steps_lead_to_the_least_energy_on_a_line_and_on_a_circle(constraint, untangling):
+    points, cells = grid(2, 2)
+    points = np.column_stack([4.0 * points[:, 0], points[:, 1]])
+    points[4] = 5.0, 1.4
+    mesh = Mesh(points, cells)
+    if constraint == "line":
+        along = np.linspace(-0.8, 0.5, 200_001)
+        x, y = 5.0 + 0.6 * along, 1.4 + 0.8 * along
+        allowed = Constraints(directions=(3, 4))
+    else:
+        angle = np.linspace(0.0, 2.0 * np.pi, 200_001)
+        x, y = 5.0 + 0.3 * np.cos(angle), 1.4 + 0.3 * np.sin(angle)
+        allowed = Constraints(max_move=0.3)
+    energies = [shape_energy(mesh, *place) for place in zip(x[::1000], y[::1000], strict=True)]
+    near = 1000 * int(np.argmin(energies))
+    fine = range(max(0, near - 1000), min(x.size, near + 1001), 10)
+    best = min(fine, key=lambda k: shape_energy(mesh, x[k], y[k]))
+    rails = allowed.freedom(mesh).rails()
+    lanes = Lanes(mesh.topology, mesh.topology.schedule(True), threads_for(1, 1), rails)
+    lanes.aim_at(ideal(mesh.topology))
+    xy = mesh.xy.copy()
+    for _ in range(3):
+        if untangling:
+            for _ in range(ROUND):
+                lanes.untangle(xy, np.ones(mesh.n_vertices), 1e-9)
+        else:
+            lanes.newton(xy, NO_WALL, Progress(Optimize(), quality(mesh)))
+    assert xy[4] == pytest.approx((x[best], y[best]), abs=1e-3)
+    assert shape_energy(mesh, *xy[4]) <= min(energies)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from qsmooth.io.file_content import of_mesh
+from qsmooth.io.file_content import FileContent, of_mesh
 from qsmooth.io.via_meshio import content_of, meshio_of
 from qsmooth.mesh import Mesh, Surface
 
@@ -30,7 +30,7 @@ def to_mesh(obj: meshio.Mesh, *, surface: Surface = "auto") -> Mesh:
 
 
 def back(mesh: Mesh, obj: meshio.Mesh) -> meshio.Mesh:
-    """A copy of `obj` with the coordinates of `mesh`.
+    """A copy of `obj` with the coordinates of `mesh`, and the point data that was interpolated.
 
     They are float64, also where those of `obj` were float32: rounded, a valid cell may be invalid.
     """
@@ -38,6 +38,8 @@ def back(mesh: Mesh, obj: meshio.Mesh) -> meshio.Mesh:
         raise ValueError(f"points of shape {mesh.points.shape} for a mesh of {obj.points.shape}")
     new = copy.deepcopy(obj)
     new.points = np.array(mesh.points)
+    if isinstance(mesh.source, FileContent):
+        new.point_data |= {name: mesh.source.point_data[name] for name in mesh.source.changed}
     return new
 
 

@@ -98,6 +98,9 @@ def run(arguments: Sequence[str]) -> int:
             sys.stdout.flush()
         except KeyboardInterrupt:
             code = terminal.INTERRUPTED
+        except terminal.InterruptedRunError as error:
+            terminal.say(str(error))
+            return terminal.INTERRUPTED
         except typer.Abort:
             code = terminal.INTERRUPTED
         except (terminal.ReaderLeftError, BrokenPipeError):

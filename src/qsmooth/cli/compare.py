@@ -51,7 +51,7 @@ def compare(
         "methods": [
             {
                 **{key: fact for key, fact in result.to_dict().items() if key != "before"},
-                "limits": running.limits_of(result, method).to_dict(),
+                "limits": running.limits_of(mesh, result, method).to_dict(),
             }
             for method in chosen
             for result in results
@@ -59,8 +59,9 @@ def compare(
         ],
         "skipped": skipped,
     }
-    if not terminal.write_json(json_file, facts):
-        show(str(mesh_file), results, skipped)
+    with files.Outputs() as outputs:
+        if not outputs.put_json(json_file, facts):
+            show(str(mesh_file), results, skipped)
 
 
 def method_names(text: str) -> list[str]:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import os
+from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from qsmooth._json import finite
 from qsmooth.cli.options import FILES, REPORT
-from qsmooth.cli.terminal import status
+from qsmooth.cli.terminal import status, write
+from qsmooth.errors import MeshError
 
 if TYPE_CHECKING:
     from qsmooth.mesh import Mesh
@@ -41,12 +45,21 @@ OverwriteOption = Annotated[
         "--overwrite", help="Allow OUT to replace a file, IN itself too.", rich_help_panel=FILES
     ),
 ]
+KeepBestOption = Annotated[
+    bool,
+    typer.Option(
+        "--keep-best",
+        help="Interrupted (Ctrl-C), write the best so far, if OUT is not there yet; twice, stop at "
+        "once.",
+        rich_help_panel=FILES,
+    ),
+]
 SurfaceOption = Annotated[
     Surface,
     typer.Option(
         "--surface",
         help="What z means: [b]auto[/b], the mesh lies in one plane; [b]flat[/b], z is a value on "
-        "a mesh in x and y, such as depth, and is carried along.",
+        "a mesh in x and y, such as depth; where vertices move it is interpolated.",
         rich_help_panel=FILES,
     ),
 ]
@@ -90,11 +103,17 @@ def read(path: Path, surface: Surface, format: str | None) -> Mesh:
         return read_mesh(path, surface=surface.value, format=format)
 
 
-def require_format(path: Path, mesh: Mesh, name: str | None) -> None:
-    """Refuse a format that can't be written before the work, and not after it."""
-    from qsmooth.io import format_of
+def require_format(
+    path: Path, mesh: Mesh, name: str | None, interpolate: tuple[str, ...] = ()
+) -> None:
+    """Refuse a format that can't be written, or holds no data to interpolate, before the work."""
+    from qsmooth.carrying import require_data
+    from qsmooth.io import format_of, holds_point_data
 
-    format_of(path, mesh, format=name)
+    found = format_of(path, mesh, format=name)
+    require_data(mesh, interpolate)
+    if interpolate and not holds_point_data(found):
+        raise ValueError(f"--interpolate: format {found} of '{path}' holds no point data")
 
 
 def refuse_unsafe(mesh_file: Path, output: Path, overwrite: bool, json_file: Path | None) -> None:
@@ -125,3 +144,47 @@ def _same_file(one: Path, other: Path) -> bool:
     if one.exists() and other.exists():
         return one.samefile(other)
     return os.path.realpath(one) == os.path.realpath(other)
+
+
+class Outputs:
+    """What a command writes. What cannot be written is told after the tables: they took the time.
+
+    Used as a context; the end of it is the error.
+    """
+
+    def __init__(self) -> None:
+        self.written: list[Path] = []
+        self._failed: list[str] = []
+
+    def __enter__(self) -> Outputs:
+        return self
+
+    def put(self, path: Path, make: Callable[[], object]) -> None:
+        """Have `make` write a file, or files into a folder."""
+        from qsmooth.io.files import reason
+
+        try:
+            make()
+        except (OSError, ValueError) as error:
+            where = getattr(error, "filename", None) or path
+            told = isinstance(error, ValueError)
+            self._failed.append(str(error) if told else f"cannot write '{where}': {reason(error)}")
+        else:
+            self.written.append(path)
+
+    def put_json(self, path: Path | None, facts: dict[str, Any]) -> bool:
+        """Write facts as JSON; True if that went to standard output in place of the tables."""
+        from qsmooth.io.files import replace_bytes
+
+        if path is None:
+            return False
+        text = json.dumps(finite(facts), indent=2, allow_nan=False)
+        if path == Path("-"):
+            write(text)
+            return True
+        self.put(path, lambda: replace_bytes(path, f"{text}\n".encode()))
+        return False
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if self._failed and (kind is None or issubclass(kind, typer.Exit)):
+            raise MeshError("; ".join(self._failed))

@@ -32,6 +32,7 @@ def info(
         raise ValueError(f"--ids must be 0 or more, got {ids}")
     files.refuse_clash(json_file, mesh_file)
     facts = inspect(files.read(mesh_file, surface, format))
-    if not terminal.write_json(json_file, {"input": str(mesh_file), **facts.to_dict(ids)}):
-        terminal.write_heading(str(mesh_file))
-        terminal.write_table(inspection_table(facts, ids))
+    with files.Outputs() as outputs:
+        if not outputs.put_json(json_file, {"input": str(mesh_file), **facts.to_dict(ids)}):
+            terminal.write_heading(str(mesh_file))
+            terminal.write_table(inspection_table(facts, ids))

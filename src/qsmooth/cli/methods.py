@@ -35,17 +35,18 @@ def methods(
     check_names(names or (), known)
     chosen = [known[name] for name in dict.fromkeys(names or known)]
     facts = {"methods": [_facts(thing) for thing in chosen]}
-    if terminal.write_json(json_file, facts):
-        return
-    for thing in chosen:
-        usual = ", the default" if thing.name == registry.choose({})[0] else ""
-        terminal.write_title(f"{thing.name}{usual}")
-        terminal.write_paragraph(spelled(thing.purpose, spell), indent=2)
-        if names:
-            _show_details(thing)
-        terminal.write("")
-    if not names:
-        terminal.write_line(f"The options of one: qsmooth methods {next(iter(known))}")
+    with files.Outputs() as outputs:
+        if outputs.put_json(json_file, facts):
+            return
+        for thing in chosen:
+            usual = ", the default" if thing.name == registry.choose({})[0] else ""
+            terminal.write_title(f"{thing.name}{usual}")
+            terminal.write_paragraph(spelled(thing.purpose, spell), indent=2)
+            if names:
+                _show_details(thing)
+            terminal.write("")
+        if not names:
+            terminal.write_line(f"The options of one: qsmooth methods {next(iter(known))}")
 
 
 def _show_details(thing: type[Method]) -> None:

@@ -231,6 +231,8 @@ def spell(named: str) -> str:
     name, _, value = named.partition("=")
     specs = [known.specs()[name] for known in all_methods().values() if name in known.specs()]
     flag = shell_name(specs[0]) if specs else name.replace("_", "-")
+    if value in ("True", "False"):
+        return f"--{flag}" if value == "True" else f"--no-{flag}"
     return f"--{flag} {value.strip(chr(39))}" if value else f"--{flag}"
 
 

@@ -91,20 +91,21 @@ def quality(
         "checks": [check.to_dict() for check in checks],
         "passed": passed,
     }
-    if not terminal.write_json(json_file, facts):
-        terminal.write_heading(f"{mesh_file}: {tables.size_text(summary)}")
-        terminal.write_table(tables.summary_table(summary))
-        running.show_limits(bounds)
-        if worst:
-            terminal.write_table(tables.worst_table(measured, worst, by, shown))
-        for check in checks:
-            terminal.write_line(("passed: " if check.passed else "FAILED: ") + check.text)
-    elif json_file == Path("-"):
-        for check in checks:
-            if not check.passed:
-                terminal.say(f"failed: {check.text}")
-    if not passed:
-        raise typer.Exit(terminal.FAILED)
+    with files.Outputs() as outputs:
+        if not outputs.put_json(json_file, facts):
+            terminal.write_heading(f"{mesh_file}: {tables.size_text(summary)}")
+            terminal.write_table(tables.summary_table(summary))
+            running.show_limits(bounds)
+            if worst:
+                terminal.write_table(tables.worst_table(measured, worst, by, shown))
+            for check in checks:
+                terminal.write_line(("passed: " if check.passed else "FAILED: ") + check.text)
+        elif json_file == Path("-"):
+            for check in checks:
+                if not check.passed:
+                    terminal.say(f"failed: {check.text}")
+        if not passed:
+            raise typer.Exit(terminal.FAILED)
 
 
 def _checks(

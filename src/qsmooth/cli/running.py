@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 from qsmooth._words import did_you_mean, in_a_row, plural
 from qsmooth.cli.options import spell
-from qsmooth.cli.terminal import progress, write_line
+from qsmooth.cli.terminal import InterruptedRunError, held_interrupt, progress, write_line
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from qsmooth.mesh import Mesh
     from qsmooth.methods.base import Method
     from qsmooth.metrics import Limits
-    from qsmooth.result import SmoothResult
+    from qsmooth.result import SmoothResult, SweepRecord
 
 
 def method_with(name: str, options: Mapping[str, Any]) -> tuple[Method, str]:
@@ -46,18 +48,48 @@ def method_with(name: str, options: Mapping[str, Any]) -> tuple[Method, str]:
 
 def run(mesh: Mesh, method: Method, why: str = "") -> SmoothResult:
     """Smooth a mesh, and show how far it is."""
-    with progress(method.name, method.max_sweeps, method.sweeps_a_record) as callback:
-        return replace(method, callback=callback).run(mesh, why)
+    with progress(method) as callback:
+        return replace(method, callback=callback).smooth(mesh, why)
 
 
-def limits_of(result: SmoothResult, method: Method) -> Limits:
+def run_to_end(
+    mesh: Mesh, method: Method, output: Path, why: str = "", *, format: str | None, keep: bool
+) -> SmoothResult:
+    """Smooth a mesh; of a run that is interrupted write, if it is to be kept, the best so far.
+
+    Raises
+    ------
+    InterruptedRunError
+        After that. A file that is there already is left as it was.
+    """
+    with held_interrupt(keep) as interrupt, progress(method) as shown:
+
+        def callback(record: SweepRecord) -> bool:
+            if shown is not None:
+                shown(record)
+            return interrupt.asked
+
+        result = replace(method, callback=callback).smooth(mesh, why)
+    if not interrupt.asked:
+        return result
+    if output.exists():
+        raise InterruptedRunError(f"interrupted, '{output}' is left as it was")
+    from qsmooth.io import write_mesh
+
+    write_mesh(output, result.mesh, format=format)
+    raise InterruptedRunError(f"interrupted, wrote the best so far, {output}")
+
+
+def limits_of(before: Mesh, result: SmoothResult, method: Method) -> Limits:
     """Bounds of the angles of a result."""
-    from qsmooth.metrics import Limits, limits
+    from qsmooth.metrics import Limits, quality
+    from qsmooth.metrics.bounds import angle_limits
 
-    known = result.outcome.limits
+    known, mesh = result.outcome.limits, result.mesh
     if isinstance(known, Limits):
         return known
-    return limits(result.mesh, keep_interfaces=method.keep_interfaces)
+    freedom = method.freedom(before)
+    return angle_limits(mesh.topology, mesh.xy, freedom.movable, quality(mesh), freedom.kept)
 
 
 def show_outcome(result: SmoothResult) -> None:

@@ -26,6 +26,7 @@ def smooth(
     ] = "auto",
     options: dict[str, Any] | None = None,
     overwrite: files.OverwriteOption = False,
+    keep_best: files.KeepBestOption = False,
     surface: files.SurfaceOption = files.Surface.auto,
     format: files.FormatOption = None,
     output_format: files.OutputFormatOption = None,
@@ -50,8 +51,10 @@ def smooth(
 ) -> None:
     """Smooth a mesh, and show its quality before and after.
 
-    Boundary vertices stay. OUT keeps everything that IN holds but the coordinates.
+    Boundary vertices stay, unless they may slide. OUT keeps everything that IN holds but the
+    coordinates.
     """
+    from qsmooth.io import write_mesh
     from qsmooth.metrics import find_metric
     from qsmooth.output import tables
 
@@ -66,18 +69,9 @@ def smooth(
     options = options or {}
     chosen, why = running.method_with(method, options)
     mesh = files.read(mesh_file, surface, format)
-    files.require_format(output, mesh, output_format)
-    result = running.run(mesh, chosen, why)
-    limits = running.limits_of(result, chosen)
-    from qsmooth.io import write_mesh
-
-    write_mesh(output, result.mesh, format=output_format)
-    written = [output]
-    if plot is not None:
-        from qsmooth.output.figures import save_figures
-
-        save_figures(mesh, result, plot, metric=plot_metric)
-        written.append(plot)
+    files.require_format(output, mesh, output_format, chosen.interpolate)
+    result = running.run_to_end(mesh, chosen, output, why, format=output_format, keep=keep_best)
+    limits = running.limits_of(mesh, result, chosen)
     facts = {
         "input": str(mesh_file),
         "output": str(output),
@@ -85,10 +79,18 @@ def smooth(
         **result.to_dict(),
         "limits": limits.to_dict(),
     }
-    if terminal.write_json(json_file, facts):
-        return
-    terminal.write_heading(f"{mesh_file}: {tables.size_text(result.before)}")
-    terminal.write_table(tables.change_table(result.before, result.after))
-    running.show_outcome(result)
-    running.show_limits(limits)
-    terminal.write_line(f"Wrote {' and '.join(map(str, written))}")
+    with files.Outputs() as outputs:
+        outputs.put(output, lambda: write_mesh(output, result.mesh, format=output_format))
+        if plot is not None:
+            from qsmooth.output.figures import save_figures
+
+            outputs.put(plot, lambda: save_figures(mesh, result, plot, metric=plot_metric))
+        written = outputs.written[:]
+        if outputs.put_json(json_file, facts):
+            return
+        terminal.write_heading(f"{mesh_file}: {tables.size_text(result.before)}")
+        terminal.write_table(tables.change_table(result.before, result.after))
+        running.show_outcome(result)
+        running.show_limits(limits)
+        if written:
+            terminal.write_line(f"Wrote {' and '.join(map(str, written))}")

@@ -7,15 +7,18 @@ warnings and errors go to standard error.
 from __future__ import annotations
 
 import contextlib
-import json
 import logging
+import signal
 import sys
 import textwrap
+import threading
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
+from qsmooth.kernels import compiling
+
 if TYPE_CHECKING:
+    from qsmooth.methods.base import Method
     from qsmooth.result import SweepRecord
     from qsmooth.table import Table
 
@@ -26,6 +29,10 @@ TEXT_WIDTH = 100
 
 class ReaderLeftError(Exception):
     """The reader of standard output left; Typer would exit with 1, which means a failed gate."""
+
+
+class InterruptedRunError(Exception):
+    """The user stopped a run; says what became of its result."""
 
 
 def width() -> int | None:
@@ -84,20 +91,6 @@ def write_title(text: str) -> None:
         write(text)
 
 
-def write_json(path: Path | None, facts: dict[str, Any]) -> bool:
-    """Write facts as JSON; True if that went to standard output in place of the tables."""
-    from qsmooth._json import finite
-
-    if path is None:
-        return False
-    text = json.dumps(finite(facts), indent=2, allow_nan=False)
-    if path == Path("-"):
-        write(text)
-        return True
-    path.write_text(text + "\n", encoding="utf-8")
-    return False
-
-
 def say(text: str) -> None:
     """Print one line on standard error."""
     line = "qsmooth: " + " ".join(str(text).split())
@@ -107,16 +100,18 @@ def say(text: str) -> None:
         sys.stderr.flush()
 
 
-class _OnTerminal(logging.Handler):
+class _Saying(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
-        if _is_terminal(sys.stderr):
+        if record.msg != compiling.MESSAGE:
+            say(f"warning: {record.getMessage()}")
+        elif _is_terminal(sys.stderr):
             say(record.getMessage())
 
 
 @contextlib.contextmanager
 def told_of_compiling() -> Iterator[None]:
-    """Say on a terminal that kernels compile, which takes seconds and happens once."""
-    logger, handler = logging.getLogger("qsmooth"), _OnTerminal()
+    """Say what is logged; only on a terminal that kernels compile, which happens once."""
+    logger, handler = logging.getLogger("qsmooth"), _Saying()
     logger.addHandler(handler)
     try:
         yield
@@ -135,41 +130,41 @@ def status(text: str) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def progress(
-    method: str, max_sweeps: int, sweeps_a_record: int
-) -> Iterator[Callable[[SweepRecord], None] | None]:
-    """Show on a terminal a bar of the sweeps; gives what a method calls with each record.
-
-    Where a record is of several sweeps, their count is about right and the bar pulses: such a
-    method stops by itself long before the last.
-    """
+def progress(method: Method) -> Iterator[Callable[[SweepRecord], None] | None]:
+    """Show on a terminal a bar of the sweeps; gives what a method calls with each record."""
     if not _is_terminal(sys.stderr):
         yield None
         return
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+    from qsmooth.bars import bar, counted
 
-    columns = (
-        TextColumn("{task.fields[method]}"),
-        BarColumn(),
-        TextColumn("{task.fields[done]}"),
-        TimeElapsedColumn(),
-        TextColumn("{task.fields[state]}"),
-    )
-    total = max_sweeps if sweeps_a_record == 1 else None
-    with Progress(*columns, console=_console(sys.stderr), transient=True) as bar:
-        task = bar.add_task("", total=total, method=method, done="", state="")
-        done = 0
+    with bar(_console(sys.stderr), method.name) as show:
+        yield counted(method, show)
 
-        def callback(record: SweepRecord) -> None:
-            nonlocal done
-            state = f"angles {record.min_angle:.1f}° to {record.max_angle:.1f}°"
-            if record.n_invalid:
-                state += f", {record.n_invalid} cells not valid"
-            done += sweeps_a_record
-            text = f"about {done} sweeps" if total is None else f"{done} of {total} sweeps"
-            bar.update(task, completed=done, done=text, state=state)
 
-        yield callback
+class Interrupt:
+    """Whether the user has asked to stop."""
+
+    asked = False
+
+
+@contextlib.contextmanager
+def held_interrupt(wanted: bool) -> Iterator[Interrupt]:
+    """Note the first Ctrl-C inside the block, if wanted; the second interrupts as ever."""
+    interrupt = Interrupt()
+    if not wanted or threading.current_thread() is not threading.main_thread():
+        yield interrupt
+        return
+    before = signal.getsignal(signal.SIGINT)
+
+    def note(_signal: int, _frame: object) -> None:
+        interrupt.asked = True
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield interrupt
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _write_rich(text: str, style: str = "") -> bool:

@@ -16,6 +16,7 @@ def untangle(
     output: files.OutOption,
     options: dict[str, Any] | None = None,
     overwrite: files.OverwriteOption = False,
+    keep_best: files.KeepBestOption = False,
     surface: files.SurfaceOption = files.Surface.auto,
     format: files.FormatOption = None,
     output_format: files.OutputFormatOption = None,
@@ -35,9 +36,8 @@ def untangle(
     options = options or {}
     method = all_methods()["untangle"].of(options)
     mesh = files.read(mesh_file, surface, format)
-    files.require_format(output, mesh, output_format)
-    result = running.run(mesh, method)
-    write_mesh(output, result.mesh, format=output_format)
+    files.require_format(output, mesh, output_format, method.interpolate)
+    result = running.run_to_end(mesh, method, output, format=output_format, keep=keep_best)
     n_invalid = result.after.n_invalid
     facts = {
         "input": str(mesh_file),
@@ -47,16 +47,19 @@ def untangle(
         "valid": n_invalid == 0,
     }
     failed = f"FAILED: {plural(n_invalid, 'cell')} of {result.after.n_cells} not valid"
-    if not terminal.write_json(json_file, facts):
-        terminal.write_heading(f"{mesh_file}: {tables.size_text(result.before)}")
-        terminal.write_table(tables.change_table(result.before, result.after))
-        running.show_outcome(result)
+    with files.Outputs() as outputs:
+        outputs.put(output, lambda: write_mesh(output, result.mesh, format=output_format))
+        written = output in outputs.written
+        if not outputs.put_json(json_file, facts):
+            terminal.write_heading(f"{mesh_file}: {tables.size_text(result.before)}")
+            terminal.write_table(tables.change_table(result.before, result.after))
+            running.show_outcome(result)
+            if n_invalid:
+                terminal.write_line(failed)
+            if written:
+                what = "the best that was found, " if n_invalid else ""
+                terminal.write_line(f"Wrote {what}{output}")
+        elif n_invalid:
+            terminal.say(failed.replace("FAILED", "failed"))
         if n_invalid:
-            terminal.write_line(failed)
-            terminal.write_line(f"Wrote the best that was found, {output}")
-        else:
-            terminal.write_line(f"Wrote {output}")
-    elif n_invalid:
-        terminal.say(failed.replace("FAILED", "failed"))
-    if n_invalid:
-        raise typer.Exit(terminal.FAILED)
+            raise typer.Exit(terminal.FAILED)

@@ -4,6 +4,7 @@ The same arguments give the same mesh.
 """
 
 from qsmooth.examples.grids import (
+    around_body,
     boundary_layer,
     bump,
     distorted,
@@ -19,6 +20,7 @@ from qsmooth.examples.triangles import random_triangles, simple_case
 
 __all__ = [
     "DEMO_FILE",
+    "around_body",
     "boundary_layer",
     "bump",
     "demo_mesh",

@@ -96,6 +96,35 @@ def notch(n: int = 40, *, depth: float = 0.7, width: float = 0.2, kind: Kind = "
     return _grid(points, n, n, kind)
 
 
+def around_body(n: int = 45) -> Mesh:
+    """Fill a box of 2 by 2 around a square body, a fifth as wide, with equal quads.
+
+    The body's middle is the origin; turned about it, with the box at rest, it asks the quads
+    between to follow.
+
+    Parameters
+    ----------
+    n
+        Quads along a side of the box, 5 or more.
+
+    Raises
+    ------
+    ValueError
+        If `n` is too small.
+    """
+    if n < 5:
+        raise ValueError(f"n must be 5 or more, got {n}")
+    mesh = structured(n, n)
+    width = n // 5
+    first = (n - width) // 2
+    inside = np.zeros((n, n), np.bool_)
+    inside[first : first + width, first : first + width] = True
+    cells = mesh.cells[0][~inside.ravel()]
+    used, vertices = np.unique(cells, return_inverse=True)
+    centre = (first + 0.5 * width) / n  # not quite that of the box where n and width are not alike
+    return Mesh(2.0 * (mesh.points[used] - centre), vertices.reshape(cells.shape))
+
+
 def distorted(n: int = 64, seed: int = 0) -> Mesh:
     """Distort the unit square's grid of `n` by `n` quads violently; all of them stay convex.
 

@@ -14,10 +14,11 @@ from __future__ import annotations
 import os
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from qsmooth._types import FloatArray
 from qsmooth.errors import MeshError, MeshWarning
 from qsmooth.io import via_meshio
 from qsmooth.io.file_content import FileContent, of_mesh
@@ -132,12 +133,17 @@ def format_of(path: PathLike, mesh: Mesh, *, format: str | None = None) -> str:
     return name
 
 
+def holds_point_data(name: str) -> bool:
+    """Whether a format can keep point data; of meshio's that is seen when it is written."""
+    form = named(name)
+    return form is None or "point_data" in form.HOLDS
+
+
 def _read(path: Path, name: str | None) -> FileContent:
     data = read_bytes(path)
     if not data.strip():
         raise MeshError("the file is empty")
-    # A byte order mark is no part of the mesh; blank, so that every other byte stays in place.
-    clean = b"   " + data[3:] if data.startswith(b"\xef\xbb\xbf") else data
+    clean = _clean(data)
     form = _by_content(path, clean[:HEAD].lstrip()) if name is None else named(name) or name
     if isinstance(form, str):
         if form not in via_meshio.formats(replaced()):
@@ -148,7 +154,7 @@ def _read(path: Path, name: str | None) -> FileContent:
         return content
     try:
         content = form.read(clean)
-    except MeshError:
+    except (MeshError, MemoryError):
         raise
     except Exception as error:  # a file can be wrong in more ways than a reader checks
         raise MeshError(f"no valid file of format {form.NAME} ({error!r})") from error
@@ -195,10 +201,30 @@ def _known() -> str:
 
 
 def _can_write_in_place(source: FileContent, mesh: Mesh) -> bool:
+    if not source.changed <= source.data_slots.keys():
+        return False
     return source.slots is not None or np.array_equal(source.points, mesh.points)
 
 
 def _written_in_place(source: FileContent, mesh: Mesh) -> bytes:
-    if source.slots is None:
-        return source.data
-    return source.slots.write(source.data, source.points, np.asarray(mesh.points))
+    data = source.data
+    if source.slots is not None:
+        data = source.slots.write(data, source.points, np.asarray(mesh.points))
+    form = named(source.format)
+    if form is None:
+        return data
+    for name in sorted(source.changed):
+        # Read again, as with every array that is written the places of others change.
+        content = form.read(_clean(data))
+        old, new = (_as_columns(of.point_data[name]) for of in (content, source))
+        data = content.data_slots[name].write(data, old, new)
+    return data
+
+
+def _as_columns(values: Any) -> FloatArray:
+    return np.array(values, np.float64, order="C").reshape(len(values), -1)
+
+
+def _clean(data: bytes) -> bytes:
+    """Blank a byte order mark, which is no part of the mesh: every other byte stays in place."""
+    return b"   " + data[3:] if data.startswith(b"\xef\xbb\xbf") else data

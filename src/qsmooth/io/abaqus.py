@@ -12,7 +12,7 @@ from qsmooth._types import IndexArray
 from qsmooth.errors import MeshError
 from qsmooth.io.file_content import FACES, Block, FileContent
 from qsmooth.io.in_place import joined
-from qsmooth.io.text import Text, blanked, finish, line_of, positions, rows_of
+from qsmooth.io.text import Text, blanked, blocks_by_id, finish, integers, line_of, rows_of
 
 NAME = "abaqus"
 ENDINGS = (".inp",)
@@ -30,8 +30,10 @@ LINE = re.compile(
 )
 LINE3 = re.compile(r"(?:T[23]D3|B[23]2|SAX2|DC1D3)[A-Z]*$")
 POINT = re.compile(r"(?:MASS|ROTARYI|SPRING1|DASHPOT1|HEATCAP)$")
-LONGEST_RANGE = 10**7  # ids of one GENERATE; a damaged number must not fill the memory
+LONGEST_RANGE = 10**7  # ids of all GENERATE; a damaged number must not fill the memory
+MOST_PARTS = 10**6  # sets times blocks of elements: a set has an array for each block
 GENERATORS = ("NGEN", "NFILL", "NCOPY", "ELGEN", "ELCOPY", "NMAP")
+NOTHING = np.empty(0, np.int64)
 WRITTEN = {"triangle": "CPS3", "quad": "CPS4", "line": "T2D2"}
 
 
@@ -63,6 +65,7 @@ class _Reader:
         self.named: list[str] = []  # ELSET= of each *ELEMENT
         self.sets: dict[str, dict[str, list[IndexArray]]] = {"NSET": {}, "ELSET": {}}
         self.others: list[str] = []
+        self.n_generated = 0
 
     def content(self) -> FileContent:
         parts: set[str] = set()
@@ -121,7 +124,7 @@ class _Reader:
                 int(rows[row]), f"a node with {widths[row]} numbers: id and 2 or 3 coordinates"
             )
         table = self.text.numbers(first, last).reshape(-1, width)
-        self.ids.append(table[:, 0].astype(np.int64))
+        self.ids.append(integers(table[:, 0], "node"))
         self.points.append(table[:, 1:4])
         self.slots.append(rows[:-1, None] + np.arange(1, min(width, 4)))
         self.add("NSET", options, self.ids[-1])
@@ -170,8 +173,11 @@ class _Reader:
                 if end - row not in (2, 3):
                     self.text.fail(row, "GENERATE needs first, last and perhaps step")
                 start, stop, step = [*self.text.numbers(row, end, np.int64).tolist(), 1][:3]
-                if step < 1 or stop < start or (stop - start) // step > LONGEST_RANGE:
+                if step < 1 or stop < start:
                     self.text.fail(row, f"{start}, {stop}, {step}: no range")
+                self.n_generated += (stop - start) // step
+                if self.n_generated > LONGEST_RANGE:
+                    self.text.fail(row, f"{start}, {stop}, {step}: no range, or too many of them")
                 members.append(np.arange(start, stop + 1, step))
         else:
             words = b" ".join(self.text.words(first, last))
@@ -184,7 +190,9 @@ class _Reader:
                         members.append(np.array([int(word)]))
                     else:
                         members += self.sets[key].get(word.decode("latin-1").upper(), [])
-        self.add(key, options, np.concatenate([np.empty(0, np.int64), *members]))
+                # Sets of sets of sets may name an id over and over.
+                members = [np.unique(np.concatenate([NOTHING, *members]))]
+        self.add(key, options, np.concatenate([NOTHING, *members]))
 
     def rows(self, first: int, last: int) -> IndexArray:
         rows = self.text.rows
@@ -200,37 +208,37 @@ class _Reader:
         if len({points.shape[1] for points in self.points}) > 1:
             raise MeshError("some *NODE have two coordinates, others three")
         linear = [kind in (*FACES, "line", "vertex") for kind, *_ in self.elements]
+        found = iter(
+            blocks_by_id(
+                ids,
+                [(e[0], e[2]) for e, read in zip(self.elements, linear, strict=True) if read],
+            )
+        )
         blocks: list[Block] = [
-            (kind, positions(ids, corners, "node") if read else np.zeros_like(corners))
+            next(found) if read else (kind, np.zeros_like(corners))
             for (kind, _, corners, _), read in zip(self.elements, linear, strict=True)
         ]
-        element_ids = [numbers for _, numbers, _, _ in self.elements]
-        cell_sets = {
-            name: [
-                np.flatnonzero(np.isin(numbers, np.concatenate(parts))) for numbers in element_ids
-            ]
-            for name, parts in self.sets["ELSET"].items()
-        }
-        point_sets = {
-            name: np.flatnonzero(np.isin(ids, np.concatenate(parts)))
-            for name, parts in self.sets["NSET"].items()
-        }
-        every = np.concatenate(element_ids)
+        every = np.concatenate([numbers for _, numbers, _, _ in self.elements])
+        cell_rows = _members(every, self.sets["ELSET"])
         unique = len(np.unique(every)) == len(every)
         tags, names = self.tags_by_block(blocks)
         if tags is None and unique:
-            tags, names = _partition(blocks, cell_sets)
-        if not unique:  # ids say nothing then
-            cell_sets = {}
-        others = sorted(set(self.others))
+            tags, names = _partition(blocks, cell_rows)
+        cell_sets = {}
+        others = sorted({f"*{key}" for key in self.others})
+        if len(cell_rows) * len(blocks) > MOST_PARTS:
+            others.append(f"{len(cell_rows)} sets of elements")
+        elif unique:  # ids say nothing else
+            ends = np.cumsum([len(cells) for _, cells in blocks])
+            cell_sets = {name: _by_block(rows, ends) for name, rows in cell_rows.items()}
         return FileContent(
             np.ascontiguousarray(np.concatenate(self.points)),
             blocks,
             tags,
             names,
-            point_sets=point_sets,
+            point_sets=_members(ids, self.sets["NSET"]),
             cell_sets=cell_sets,
-            extras=tuple(f"*{key}" for key in others),
+            extras=tuple(others),
             slots=joined([self.text.slots(tokens) for tokens in self.slots]),
             places=[self.text.starts[tokens] for *_, tokens in self.elements],
         )
@@ -250,27 +258,48 @@ class _Reader:
         return tags, {name: (numbers[name], 2) for name in dict.fromkeys(of_faces)}
 
 
+def _members(ids: IndexArray, sets: dict[str, list[IndexArray]]) -> dict[str, IndexArray]:
+    """Where the members of each set stand among `ids`, ascending."""
+    order = np.argsort(ids, kind="stable")
+    ordered = ids[order]
+    members = {}
+    for name, parts in sets.items():
+        wanted = np.unique(np.concatenate(parts))
+        begins = np.searchsorted(ordered, wanted)
+        counts = np.searchsorted(ordered, wanted, side="right") - begins
+        rows = np.repeat(begins - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
+        members[name] = np.sort(order[rows])
+    return members
+
+
+def _by_block(rows: IndexArray, ends: IndexArray) -> list[IndexArray]:
+    """Cells counted through all blocks, as cells of each."""
+    cuts = np.searchsorted(rows, ends)
+    begins = np.append(0, cuts[:-1])
+    firsts = np.append(0, ends[:-1])
+    return [rows[i:j] - first for i, j, first in zip(begins, cuts, firsts, strict=True)]
+
+
 def _partition(
-    blocks: list[Block], cell_sets: dict[str, list[IndexArray]]
+    blocks: list[Block], cell_rows: dict[str, IndexArray]
 ) -> tuple[list[IndexArray] | None, dict[str, tuple[int, int]]]:
     """Regions from the element sets, where each face is in exactly one of them.
 
     Sets of all faces or of none are left out.
     """
-    is_face = [kind in FACES for kind, _ in blocks]
-    n_faces = sum(len(c) for (_, c), face in zip(blocks, is_face, strict=True) if face)
-    count = [np.zeros(len(c), np.int64) for _, c in blocks]
-    tags = [np.zeros(len(c), np.int64) for _, c in blocks]
+    lengths = [len(cells) for _, cells in blocks]
+    is_face = np.repeat([kind in FACES for kind, _ in blocks], lengths)
+    count = np.zeros(len(is_face), np.int64)
+    tags = np.zeros(len(is_face), np.int64)
     names: dict[str, tuple[int, int]] = {}
-    for name, members in cell_sets.items():
-        size = sum(len(m) for m, face in zip(members, is_face, strict=True) if face)
-        if 0 < size < n_faces:
+    for name, rows in cell_rows.items():
+        if 0 < np.count_nonzero(is_face[rows]) < np.count_nonzero(is_face):
             names[name] = (len(names) + 1, 2)
-            for b, rows in enumerate(members):
-                count[b][rows] += 1
-                tags[b][rows] = len(names)
-    once = all((c == 1).all() for c, face in zip(count, is_face, strict=True) if face)
-    return (tags, names) if names and once else (None, {})
+            count[rows] += 1
+            tags[rows] = len(names)
+    if not names or (count[is_face] != 1).any():
+        return None, {}
+    return np.split(tags, np.cumsum(lengths)[:-1]), names
 
 
 def _kind(name: str) -> tuple[str, int]:

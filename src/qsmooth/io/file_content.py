@@ -23,6 +23,9 @@ Block = tuple[str, IndexArray]
 N_VERTICES = {"vertex": 1, "line": 2, "triangle": 3, "quad": 4}
 FACES = ("triangle", "quad")
 
+# So many of the types that are refused are named.
+NAMED = 5
+
 # Cell data that says which region a cell belongs to, the first found wins; integers only.
 REGION_NAMES = (
     "region",
@@ -62,13 +65,15 @@ class FileContent:
     point_data, cell_data, field_data, point_sets, cell_sets
         As in meshio: cell data is an array for each block, a cell set the cell numbers
         within each block.
+    changed
+        Names of point data whose values are no longer those of the file.
     extras
         What else was seen in the file; kept in its own format, lost in any other.
     notes
         What was odd in the file and yet could be read rightly.
-    format, ending, data, slots
+    format, ending, data, slots, data_slots
         Where it comes from: name of the format, ending and bytes of the file, place of its
-        coordinates.
+        coordinates and of its point data, by name, as far as that can be written back.
         `slots` is None where there is no file or where it cannot be written back.
     places
         For each block the byte at which each cell stands, for messages; or None.
@@ -83,12 +88,14 @@ class FileContent:
     field_data: dict[str, Any] = field(default_factory=dict)
     point_sets: dict[str, Any] = field(default_factory=dict)
     cell_sets: dict[str, list[Any]] = field(default_factory=dict)
+    changed: frozenset[str] = frozenset()
     extras: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     format: str = ""
     ending: str = ""
     data: bytes = b""
     slots: InPlace | None = None
+    data_slots: dict[str, InPlace] = field(default_factory=dict)
     places: list[IndexArray] | None = None
 
     @property
@@ -137,8 +144,12 @@ class FileContent:
         first_cell = 0
         for b, (kind, cells) in enumerate(self.blocks):
             if kind not in N_VERTICES:
-                count, where = refused.get(kind, (0, self._place(b, 0, first_cell)))
-                refused[kind] = (count + len(cells), where)
+                if kind not in refused:  # asked once: it counts the lines before it
+                    refused[kind] = (
+                        0,
+                        "" if len(refused) > NAMED else self._place(b, 0, first_cell),
+                    )
+                refused[kind] = (refused[kind][0] + len(cells), refused[kind][1])
             elif cells.size and not (cells.min() >= 0 and cells.max() < n_vertices):
                 bad = (cells < 0) | (cells >= n_vertices)
                 rows = np.flatnonzero(bad.any(axis=1))
@@ -153,10 +164,11 @@ class FileContent:
         if refused:
             kinds = ", ".join(
                 f"{count} of type {kind}{_reason(kind)} (the first is {where})"
-                for kind, (count, where) in refused.items()
+                for kind, (count, where) in list(refused.items())[:NAMED]
             )
+            more = f", and {len(refused) - NAMED} more types" if len(refused) > NAMED else ""
             raise MeshError(
-                f"only first-order triangles and quads can be smoothed; there are {kinds}"
+                f"only first-order triangles and quads can be smoothed; there are {kinds}{more}"
             )
         if not self.faces:
             raise MeshError(
@@ -217,7 +229,11 @@ def of_mesh(mesh: Mesh) -> FileContent:
     source = mesh.source
     points = np.array(mesh.points)
     if isinstance(source, FileContent):
-        fields = {key: value for key, value in vars(source).items() if key not in ("data", "slots")}
+        fields = {
+            key: value
+            for key, value in vars(source).items()
+            if key not in ("data", "slots", "data_slots")
+        }
         return FileContent(**{**fields, "points": points})
     blocks = [("triangle" if cells.shape[1] == 3 else "quad", cells) for cells in mesh.cells]
     tags = None

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import os
 import secrets
 import stat
+import time
 from collections.abc import Callable
 from pathlib import Path
 
 from qsmooth.errors import MeshError
+
+# Seconds after which what was to become a file is nobody's any more.
+LEFT_BEHIND = 3600.0
 
 
 def read_bytes(path: Path) -> bytes:
@@ -23,7 +28,21 @@ def read_bytes(path: Path) -> bytes:
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Replace a file, or leave it whole: what fails half way leaves the old one."""
+    """Replace the file of a mesh, or leave it whole: what fails half way leaves the old one."""
+    try:
+        replace_bytes(path, data)
+    except (OSError, ValueError) as error:
+        raise MeshError(f"cannot write '{path}': {reason(error)}") from error
+
+
+def replace_bytes(path: Path, data: bytes) -> None:
+    """Replace any file, or leave it whole.
+
+    Raises
+    ------
+    OSError
+        With the name of the file.
+    """
 
     def fill(temporary: Path) -> None:
         # O_EXCL: never through a link somebody put there; 0o666: the umask decides.
@@ -39,8 +58,8 @@ def write_bytes(path: Path, data: bytes) -> None:
                 file.write(data)
         else:
             replace_file(path, fill)
-    except (OSError, ValueError) as error:
-        raise MeshError(f"cannot write '{path}': {reason(error)}") from error
+    except OSError as error:
+        raise OSError(error.errno, reason(error), str(path)) from error
 
 
 def replace_file(path: Path, fill: Callable[[Path], None]) -> None:
@@ -53,8 +72,9 @@ def replace_file(path: Path, fill: Callable[[Path], None]) -> None:
         if not os.access(target, os.W_OK):
             raise PermissionError(13, "Permission denied")
         mode = stat.S_IMODE(target.stat().st_mode)
+    _remove_left_behind(target)
     # With the same ending: there are writers that go by it.
-    temporary = target.with_name(f".qsmooth-{secrets.token_hex(8)}{target.suffix}")
+    temporary = target.with_name(f"{_mark(target)}{secrets.token_hex(8)}{target.suffix}")
     try:
         fill(temporary)
         if mode is not None:
@@ -64,6 +84,22 @@ def replace_file(path: Path, fill: Callable[[Path], None]) -> None:
         with contextlib.suppress(OSError):
             temporary.unlink()
         raise
+
+
+def _mark(target: Path) -> str:
+    """What the names begin with of files that are to become `target`, which may be long itself."""
+    return f".qsmooth-{hashlib.sha256(os.fsencode(target.name)).hexdigest()[:8]}-"
+
+
+def _remove_left_behind(target: Path) -> None:
+    """Remove what a process left that was killed while it wrote the same file.
+
+    Others may be writing it just now, on other machines too: those are younger.
+    """
+    with contextlib.suppress(OSError):
+        for path in target.parent.glob(f"{_mark(target)}*"):
+            if path.stat().st_mtime < time.time() - LEFT_BEHIND:
+                path.unlink()
 
 
 def reason(error: Exception) -> str:

@@ -187,6 +187,8 @@ class _Reader:
             n = int(cursor.numbers(1, "i8")[0])
             if n < 0 or n > len(self.data):
                 cursor.fail(f"{n} nodes in a block")
+            if n == 0 and self.ids:
+                continue
             # (dimension, tag), but (tag, dimension) in 4.0; parametric nodes have u, v, w after z.
             dimension = second if self.version == 4.0 else first
             n_columns = 3 + (dimension if parametric else 0)

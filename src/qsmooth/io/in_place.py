@@ -34,12 +34,15 @@ class Slots:
     widen
         Edits of the header that declare the coordinates to be of double precision, for a file
         that declares less: made as soon as a vertex has moved.
+    keeps_type
+        Whether numbers are rounded to the type that is declared: of data, which can't get invalid.
     """
 
     starts: IndexArray
     ends: IndexArray
     dtype: np.dtype[np.generic] | None = None
     widen: tuple[Edit, ...] = ()
+    keeps_type: bool = False
 
     def write(self, data: bytes, old: FloatArray, new: FloatArray) -> bytes:
         """The bytes of the file with the coordinates that changed, and nothing else, replaced."""
@@ -49,15 +52,17 @@ class Slots:
         moved = np.ascontiguousarray(old).view(np.int64) != new.view(np.int64)
         if not moved.any():
             return data
-        if self.dtype is not None and self.dtype.itemsize < 8:
+        dtype = self.dtype
+        if dtype is not None and dtype.itemsize < 8 and not self.keeps_type:
+            dtype = np.dtype(dtype.str[0] + "f8")
             moved[:] = True  # all of them change their size
         starts = self.starts[:, :n_coordinates][moved]
         ends = self.ends[:, :n_coordinates][moved]
-        if self.dtype is None:
+        if dtype is None:
             tokens = [repr(x).encode() for x in new[moved].tolist()]
         else:
-            raw = new[moved].astype(self.dtype.str[0] + "f8").tobytes()
-            tokens = [raw[i : i + 8] for i in range(0, len(raw), 8)]
+            raw, size = new[moved].astype(dtype).tobytes(), dtype.itemsize
+            tokens = [raw[i : i + size] for i in range(0, len(raw), size)]
         edits = list(zip(starts.tolist(), ends.tolist(), tokens, strict=True))
         return replace(data, [*self.widen, *edits])
 
@@ -67,7 +72,7 @@ def joined(parts: Sequence[Slots]) -> Slots:
     starts = np.concatenate([part.starts for part in parts])
     ends = np.concatenate([part.ends for part in parts])
     widen = tuple(edit for part in parts for edit in part.widen)
-    return Slots(starts, ends, parts[0].dtype, widen)
+    return Slots(starts, ends, parts[0].dtype, widen, parts[0].keeps_type)
 
 
 def binary_slots(

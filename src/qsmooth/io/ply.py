@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, NoReturn
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy.typing as npt
 from qsmooth._types import IndexArray
 from qsmooth.errors import MeshError
 from qsmooth.io.file_content import FACES, Block, FileContent
-from qsmooth.io.in_place import Edit, Slots
+from qsmooth.io.in_place import Edit, InPlace, Slots
 from qsmooth.io.text import Text, finish, line_of, rows_of, runs
 
 NAME = "ply"
@@ -104,6 +105,7 @@ class _Reader:
         token, row = 0, 0
         points = slots = None
         point_data: dict[str, Any] = {}
+        data_slots: dict[str, InPlace] = {}
         blocks: list[Block] = []
         places, extras = [], []
         for name, n, properties in self.elements:
@@ -120,6 +122,10 @@ class _Reader:
                     raise MeshError("coordinates that are declared integers cannot move")
                 slots = self.slots(text, axes, properties, n, where)
                 point_data = {p: v for p, v in columns.items() if p not in "xyz"}
+                for p, dtype, count_type in properties:
+                    if p in point_data and not count_type and np.dtype(dtype).kind == "f":
+                        own = self.slots(text, [p], properties, n, where)
+                        data_slots[p] = replace(own, widen=(), keeps_type=True)
             elif name == "face":
                 corners = next((columns[key] for key in CORNERS if key in columns), None)
                 if corners is None:
@@ -152,7 +158,13 @@ class _Reader:
             places = None  # type: ignore[assignment]
         extras += ["comments"] if self.comments else []
         return FileContent(
-            points, blocks, point_data=point_data, extras=tuple(extras), slots=slots, places=places
+            points,
+            blocks,
+            point_data=point_data,
+            extras=tuple(extras),
+            slots=slots,
+            data_slots=data_slots,
+            places=places,
         )
 
     def slots(

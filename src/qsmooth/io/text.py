@@ -17,6 +17,8 @@ from qsmooth.io.in_place import Slots, binary_slots
 
 # Fortran writes 1.0D-3; both letters mean the same.
 FORTRAN = bytes.maketrans(b"dD", b"ee")
+# All integers below are exact as floating-point numbers.
+EXACT = 2.0**53
 
 
 def blanked(data: bytes, pattern: bytes) -> bytes:
@@ -281,6 +283,21 @@ class Cursor:
             return points, binary_slots(begin, n, stored, n_columns * stored.itemsize, len(columns))
         tokens = token + n_columns * np.arange(n, dtype=np.int64)[:, None] + np.array(columns)
         return points, self.text.slots(tokens)
+
+
+def integers(values: FloatArray, what: str) -> IndexArray:
+    """Ids that were read beside coordinates, as numbers of any kind.
+
+    Raises
+    ------
+    MeshError
+        If one is not an integer, or too large to be known exactly.
+    """
+    wrong = ~(np.abs(values) < EXACT) | (values != np.floor(values))
+    if wrong.any():
+        first = float(values[np.argmax(wrong)])
+        raise MeshError(f"{int(wrong.sum())} {what} ids are no integers, the first is {first:g}")
+    return values.astype(np.int64)
 
 
 def positions(ids: IndexArray, wanted: IndexArray, what: str = "vertex") -> IndexArray:

@@ -6,7 +6,7 @@ import numpy as np
 
 from qsmooth.errors import MeshError
 from qsmooth.io.file_content import N_VERTICES, FileContent
-from qsmooth.io.text import Text, blanked, blocks_by_id, finish, rows_of
+from qsmooth.io.text import Text, blanked, blocks_by_id, finish, integers, rows_of
 
 NAME = "ucd"
 ENDINGS = (".inp", ".avs", ".ucd")
@@ -55,7 +55,7 @@ def read(data: bytes) -> FileContent:
     if odd.size:
         text.fail(int(firsts[odd[0]]), f"node {odd[0] + 1} of {n_points} needs an id, x, y and z")
     table = text.numbers(int(firsts[0]), int(firsts[-1])).reshape(-1, 4)
-    ids = table[:, 0].astype(np.int64)
+    ids = integers(table[:, 0], "node")
     slots = text.slots(firsts[:-1, None] + np.arange(1, 4))
 
     firsts = rows[n_points + 1 : n_points + n_cells + 2]

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import io
+import random
+import sys
 import warnings
 from collections.abc import Iterator, Set
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,11 +24,25 @@ if TYPE_CHECKING:
 NOT_MESHES = frozenset(("svg", "neuroglancer"))
 # One mesh in several files cannot be replaced in one step.
 SEVERAL_FILES = frozenset(("tetgen", "xdmf"))
+# Readers that go on reading for ever where a file ends too early, and whether they read text.
+ENDLESS = {"ansys": False, "mdpa": False, "tecplot": True}
+MOST_ENDS = 1000
+
+
+def loaded() -> Any:
+    """Load meshio; rich, which it brings, draws from the caller's random numbers meanwhile."""
+    if "meshio" not in sys.modules:
+        state = random.getstate()
+        try:
+            import meshio  # noqa: F401
+        finally:
+            random.setstate(state)
+    return sys.modules["meshio"]
 
 
 def names(path: Path, without: Set[str]) -> list[str]:
     """Names of the formats that meshio has for this ending, `without` left out."""
-    import meshio
+    meshio = loaded()
 
     found = meshio.extension_to_filetypes.get(path.suffix.lower(), [])
     return [name for name in found if name not in without | NOT_MESHES]
@@ -34,7 +50,7 @@ def names(path: Path, without: Set[str]) -> list[str]:
 
 def formats(without: Set[str]) -> dict[str, tuple[str, ...]]:
     """Names and endings of meshio's formats, `without` left out."""
-    import meshio
+    meshio = loaded()
 
     endings: dict[str, list[str]] = {}
     for ending, found in meshio.extension_to_filetypes.items():
@@ -46,10 +62,11 @@ def formats(without: Set[str]) -> dict[str, tuple[str, ...]]:
 
 def read(path: Path, name: str) -> FileContent:
     """Read through meshio; every way in which it fails is a MeshError."""
-    import meshio
+    meshio = loaded()
 
     with _quiet() as said, _as_mesh_error(said):
-        mesh = meshio.read(path, file_format=name)
+        file = path if name not in ENDLESS else _Ending.opened(path, text=ENDLESS[name])
+        mesh = meshio.read(file, file_format=name)
     content = content_of(mesh)
     content.format = name
     return content
@@ -57,7 +74,7 @@ def read(path: Path, name: str) -> FileContent:
 
 def write(content: FileContent, path: Path, name: str) -> list[str]:
     """Write through meshio, read back what was written and list what is missing there."""
-    import meshio
+    meshio = loaded()
 
     if name in SEVERAL_FILES:
         raise MeshError(f"cannot write '{path}': format {name} takes several files")
@@ -77,6 +94,38 @@ def write(content: FileContent, path: Path, name: str) -> list[str]:
     except OSError as error:
         raise MeshError(f"cannot write '{path}': {reason(error)}") from error
     return lost
+
+
+class _Ending:
+    """A file that says so when somebody reads on and on behind its end."""
+
+    def __init__(self, file: io.BytesIO | io.TextIOWrapper) -> None:
+        self._file = file
+        self._ends = 0
+
+    @classmethod
+    def opened(cls, path: Path, text: bool) -> _Ending:
+        """The bytes of a file, as text or as they are."""
+        data = io.BytesIO(path.read_bytes())
+        return cls(io.TextIOWrapper(data) if text else data)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._file, name)
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter(self._file)
+
+    def read(self, *size: int) -> Any:
+        return self._counted(self._file.read(*size))
+
+    def readline(self, *size: int) -> Any:
+        return self._counted(self._file.readline(*size))
+
+    def _counted(self, found: Any) -> Any:
+        self._ends += not found
+        if self._ends > MOST_ENDS:
+            raise EOFError("the file ends too early")
+        return found
 
 
 def content_of(mesh: meshio.Mesh) -> FileContent:
@@ -129,7 +178,7 @@ def content_of(mesh: meshio.Mesh) -> FileContent:
 
 def meshio_of(content: FileContent) -> meshio.Mesh:
     """The content as a mesh of meshio; regions become cell data "region"."""
-    import meshio
+    meshio = loaded()
 
     cell_data = dict(content.cell_data)
     if content.tags is not None and region_tags(cell_data, content.blocks) is None:

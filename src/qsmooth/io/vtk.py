@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import replace
@@ -13,7 +14,7 @@ import numpy.typing as npt
 from qsmooth._types import FloatArray, IndexArray
 from qsmooth.errors import MeshError
 from qsmooth.io.file_content import N_VERTICES, Block, FileContent, region_tags
-from qsmooth.io.in_place import Edit, Slots
+from qsmooth.io.in_place import Edit, InPlace, Slots, binary_slots
 from qsmooth.io.text import Cursor, finish, rows_of, runs
 
 NAME = "vtk"
@@ -92,6 +93,7 @@ class _Reader:
         self.types: IndexArray | None = None
         self.dimensions: list[int] = []
         self.data: dict[str, dict[str, npt.NDArray[Any]]] = {"": {}, "POINT": {}, "CELL": {}}
+        self.data_slots: dict[str, InPlace] = {}
         self.extras: list[str] = []
         self.notes: list[str] = []
 
@@ -178,6 +180,8 @@ class _Reader:
                 cursor.fail("CONNECTIVITY expected")
             dtype = self.dtype([word.decode("latin-1") for word in line], 1)
             vertices = cursor.numbers(size, dtype, "vertices")
+            if offsets.dtype.kind == "f" or vertices.dtype.kind == "f":
+                cursor.fail(f"the offsets and vertices of {key} are no integers")
             offsets, vertices = offsets.astype(np.int64), vertices.astype(np.int64)
             if n and (offsets[0] != 0 or offsets[-1] != size or (np.diff(offsets) < 0).any()):
                 cursor.fail(f"the offsets of {key} do not fit its {size} vertices")
@@ -235,11 +239,12 @@ class _Reader:
             cursor.fail(f"{key[:40]!r} is no keyword of VTK, or a count before it is wrong")
         if len(words) < 3:
             cursor.fail(f"{key} needs a name and a type")
+        place = cursor.pos
         values = self.values(size, n_components, words[2])
         if key == "LOOKUP_TABLE":
             self.extras.append(f"lookup table {name}")
         elif values is not None:
-            self.data[where][name] = values
+            self.keep(where, name, values, place, words[2])
 
     def field(self, words: list[str], where: str) -> None:
         cursor = self.cursor
@@ -251,13 +256,33 @@ class _Reader:
                 line = _words(cursor.line())
             if len(line) != 4:
                 cursor.fail("an array of a FIELD needs name, components, tuples and type")
+            place = cursor.pos
             values = self.values(self.integer(line, 2), self.integer(line, 1), line[3])
             if values is not None:
-                self.data[where][line[0].replace("%20", " ")] = values
+                self.keep(where, line[0].replace("%20", " "), values, place, line[3])
+
+    def keep(
+        self, where: str, name: str, values: npt.NDArray[Any], place: int, type_name: str
+    ) -> None:
+        """Keep an array; of point data that are floats, also where they stand in the file."""
+        self.data[where][name] = values
+        if where != "POINT" or values.dtype.kind != "f" or not values.size:
+            return
+        cursor, table = self.cursor, values.reshape(len(values), -1)
+        if cursor.order:
+            dtype = np.dtype(cursor.order + self.dtype([type_name], 0))
+            stride = dtype.itemsize * table.shape[1]
+            slots = binary_slots(place, len(table), dtype, stride, table.shape[1])
+        else:
+            token = int(np.searchsorted(cursor.text.starts, place))
+            slots = cursor.text.slots(token + np.arange(table.size).reshape(table.shape))
+        self.data_slots[name] = replace(slots, keeps_type=True)
 
     def values(self, size: int, n_components: int, type_name: str) -> npt.NDArray[Any] | None:
         cursor, n = self.cursor, size * n_components
         if type_name.lower() == "string":
+            if n > len(cursor.data) - cursor.pos:
+                cursor.fail(f"the file ends too early: {n} texts expected")
             for _ in range(n):
                 self.skip_string()
             self.extras.append("text data")
@@ -329,7 +354,7 @@ class _Reader:
     def assemble(self, dataset: str) -> FileContent:
         if self.points is None:
             raise MeshError("the file has no POINTS")
-        if self.dimensions and int(np.prod(self.dimensions)) != self.n_points:
+        if self.dimensions and math.prod(self.dimensions) != self.n_points:
             raise MeshError(f"DIMENSIONS {self.dimensions} do not fit {self.n_points} points")
         offsets, vertices, types = self.all_cells()
         places = self.places.get("CELLS")
@@ -345,6 +370,7 @@ class _Reader:
             extras=tuple(self.extras),
             notes=tuple(self.notes),
             slots=self.slots,
+            data_slots=self.data_slots,
             places=None if places is None else [places[s] for s in sources],
         )
 

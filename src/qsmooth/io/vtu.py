@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import base64
 import binascii
+import dataclasses
 import lzma
 import re
 import zlib
-from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 from xml.etree import ElementTree
@@ -15,12 +15,13 @@ from xml.etree import ElementTree
 import numpy as np
 import numpy.typing as npt
 
-from qsmooth._types import FloatArray
+from qsmooth._types import FloatArray, IndexArray
 from qsmooth.errors import MeshError
 from qsmooth.io.file_content import N_VERTICES, FileContent, region_tags
 from qsmooth.io.in_place import Edit, InPlace, Slots, joined, replace
 from qsmooth.io.text import Text
 from qsmooth.io.vtk import CODES, blocks_of, cell_arrays
+from qsmooth.io.vtu_blocks import MOST_MORE, MOST_TIMES, Storage
 
 NAME = "vtu"
 ENDINGS = (".vtu",)
@@ -35,15 +36,8 @@ ESCAPED = str.maketrans(
     {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;"}
     | {space: f"&#{ord(space)};" for space in "\n\r\t"}
 )
-BLOCK = 1 << 15  # bytes that VTK compresses at a time
-
-Codec = tuple[Callable[[bytes], bytes], Callable[[bytes], bytes]]
-CODECS: dict[str, Codec] = {
-    "vtkZLibDataCompressor": (zlib.compress, zlib.decompress),
-    "vtkLZMADataCompressor": (lzma.compress, lzma.decompress),
-}
-
 POINTS = re.compile(rb"<Points\b[^>]*>\s*(<DataArray\b[^>]*>)")
+ARRAY = re.compile(rb"(<(?:DataArray|Array)\b[^>]*>)")
 APPENDED = re.compile(rb"<AppendedData\b[^>]*>\s*_")
 
 
@@ -58,95 +52,16 @@ def read(data: bytes) -> FileContent:
 
 
 @dataclass
-class _Storage:
-    """How numbers are stored as bytes in one file."""
-
-    order: str
-    header: str
-    compressor: str | None
-
-    @property
-    def codec(self) -> Codec | None:
-        """How blocks are compressed, if they are; a text file may name any compressor."""
-        if self.compressor and self.compressor not in CODECS:
-            raise MeshError(f"compressor {self.compressor} is not read, only {', '.join(CODECS)}")
-        return CODECS[self.compressor] if self.compressor else None
-
-    @property
-    def size(self) -> int:
-        return np.dtype(self.header).itemsize
-
-    def decode(self, stored: bytes, encoded: bool) -> tuple[bytes, int]:
-        """Numbers' bytes of the block that `stored` begins with, and the length of that block."""
-        codec = self.codec
-        if codec is None:
-            (n,) = self.heads(stored, 1, encoded)
-            if not encoded:
-                return self.cut(stored, self.size, n), self.size + n
-            # Some writers encode the header apart, which shows as padding after it.
-            apart = -(-self.size // 3) * 4
-            if stored[:apart].endswith(b"="):
-                return self.unbase64(stored[apart:], n), apart + _base64_length(n)
-            return self.unbase64(stored, self.size + n)[self.size :], _base64_length(self.size + n)
-        n_blocks = self.heads(stored, 1, encoded)[0]
-        if n_blocks > len(stored):
-            raise MeshError(f"{n_blocks} compressed blocks: the data is damaged")
-        sizes = self.heads(stored, 3 + n_blocks, encoded)[3:]
-        n, begin = sum(sizes), (3 + n_blocks) * self.size
-        if encoded:
-            begin = _base64_length(begin)
-            packed = self.unbase64(stored[begin:], n)
-            length = begin + _base64_length(n)
-        else:
-            packed, length = self.cut(stored, begin, n), begin + n
-        pieces, at = [], 0
-        for size in sizes:
-            pieces.append(codec[1](packed[at : at + size]))
-            at += size
-        return b"".join(pieces), length
-
-    def encode(self, raw: bytes, encoded: bool) -> bytes:
-        """The reverse of `decode`."""
-        codec = self.codec
-        if codec is None:
-            stored = np.array([len(raw)], self.header).tobytes() + raw
-            return base64.b64encode(stored) if encoded else stored
-        packed = [codec[0](raw[i : i + BLOCK]) for i in range(0, len(raw), BLOCK)]
-        heads = [len(packed), BLOCK, len(raw) % BLOCK, *map(len, packed)]
-        header = np.array(heads, self.header).tobytes()
-        body = b"".join(packed)
-        if encoded:
-            return base64.b64encode(header) + base64.b64encode(body)
-        return header + body
-
-    def heads(self, stored: bytes, n: int, encoded: bool) -> list[int]:
-        raw = self.unbase64(stored, n * self.size) if encoded else stored
-        return list(map(int, np.frombuffer(self.cut(raw, 0, n * self.size), self.header)))
-
-    def unbase64(self, stored: bytes, n: int) -> bytes:
-        raw = base64.b64decode(stored[: _base64_length(n)])
-        return self.cut(raw, 0, n)
-
-    def cut(self, raw: bytes, begin: int, n: int) -> bytes:
-        if len(raw) < begin + n:
-            raise MeshError(f"binary data ends after {len(raw)} of {begin + n} bytes")
-        return raw[begin : begin + n]
-
-
-def _base64_length(n: int) -> int:
-    return -(-n // 3) * 4
-
-
-@dataclass
 class _Block(InPlace):
     """Coordinates stored as binary blocks in the XML: the blocks are replaced whole."""
 
-    storage: _Storage
+    storage: Storage
     encoded: bool
     # For each piece: first vertex, end, begin and end of the block in the file.
     pieces: list[tuple[int, int, int, int]]
     widen: list[Edit]
     appended: int | None  # where appended data begins; None if it is inline
+    dtype: str = "f8"
 
     def write(self, data: bytes, old: FloatArray, new: FloatArray) -> bytes:
         """See `InPlace`."""
@@ -156,7 +71,7 @@ class _Block(InPlace):
         edits = list(self.widen)
         grown: list[tuple[int, int]] = []
         for first, last, begin, end in self.pieces:
-            raw = new[first:last].astype(self.storage.order + "f8").tobytes()
+            raw = new[first:last].astype(self.storage.order + self.dtype).tobytes()
             stored = self.storage.encode(raw, self.encoded)
             edits.append((begin, end, stored))
             grown.append((begin, len(stored) - (end - begin)))
@@ -196,7 +111,8 @@ class _Reader:
         compressor = self.root.get("compressor")
         if header not in ("UInt32", "UInt64"):
             raise MeshError(f"header_type {header} is not read")
-        self.storage = _Storage(order, order + DTYPES[header], compressor)
+        room = MOST_TIMES * len(data) + MOST_MORE
+        self.storage = Storage(order, order + DTYPES[header], compressor, room)
         element = self.root.find("AppendedData")
         self.appended_base64 = element is not None and element.get("encoding") == "base64"
         self.extras: list[str] = []
@@ -212,6 +128,7 @@ class _Reader:
         point_data: list[dict[str, Any]] = []
         cell_data: list[dict[str, Any]] = []
         slots: list[tuple[str, Any]] = []
+        data_slots: dict[str, list[tuple[str, Any]]] = {}
         n_points = n_corners = 0
         for piece, place in zip(pieces, places, strict=True):
             n, n_cells = self.integer(piece, "NumberOfPoints"), self.integer(piece, "NumberOfCells")
@@ -224,8 +141,7 @@ class _Reader:
                 raise MeshError(f"points of type {element.get('type')} cannot move")
             cells = {e.get("Name"): e for e in piece.findall("Cells/DataArray")}
             v, o, t = (
-                self.values(cells.get(name)).astype(np.int64)
-                for name in ("connectivity", "offsets", "types")
+                self.integers(cells.get(name)) for name in ("connectivity", "offsets", "types")
             )
             last = int(o[-1]) if len(o) else 0
             bad = len(o) != n_cells or len(t) != n_cells or last != len(v)
@@ -242,6 +158,8 @@ class _Reader:
                 )
             points.append(xyz.astype(np.float64))
             slots.append(self.place(place, element, n_points, n))
+            for name, stands in self.data_places(place, piece, n_points, n):
+                data_slots.setdefault(name, []).append(stands)
             vertices.append(v + n_points)
             offsets.append(o + n_corners)
             types.append(t)
@@ -261,6 +179,7 @@ class _Reader:
             field_data=self.arrays(self.root.find("UnstructuredGrid/FieldData"), None),
             extras=tuple(self.extras),
             slots=self.in_place(slots),
+            data_slots=self.data_in_place(data_slots, len(pieces)),
         )
 
     def integer(self, element: ElementTree.Element, name: str) -> int:
@@ -290,6 +209,12 @@ class _Reader:
         except (MeshError, ValueError, binascii.Error, zlib.error, lzma.LZMAError) as error:
             raise MeshError(f"array {name!r}: {error}") from error
 
+    def integers(self, element: ElementTree.Element | None) -> IndexArray:
+        values = self.values(element)
+        if values.dtype.kind == "f" and element is not None:
+            raise MeshError(f"array {element.get('Name')!r} has no integers")
+        return values.astype(np.int64)
+
     def stored(self, element: ElementTree.Element) -> tuple[bytes, bool]:
         """Bytes that begin with the block of a DataArray, and whether they are base64."""
         if element.get("format") == "appended":
@@ -317,8 +242,43 @@ class _Reader:
             found[name] = values if n_components < 2 else values.reshape(-1, n_components)
         return found
 
-    def place(self, match: re.Match[bytes], element: Any, first: int, n: int) -> tuple[str, Any]:
-        """Where the points of one piece stand in the file."""
+    def data_places(
+        self, points: re.Match[bytes], piece: ElementTree.Element, first: int, n: int
+    ) -> Iterator[tuple[str, tuple[str, Any]]]:
+        """Where point data of floats stands, of the piece whose points stand there."""
+        parent = piece.find("PointData")
+        arrays = [] if parent is None else list(parent.iter())[1:]
+        limit = self.appended or len(self.data)
+        before = self.data.rfind(b"<Piece", 0, points.start())
+        begin = self.data.find(b"<PointData", before, limit)
+        end = self.data.find(b"</PointData>", begin, limit)
+        tags = list(ARRAY.finditer(self.data, begin, end)) if begin >= 0 else []
+        if len(tags) != len(arrays):  # something else is among them, such as a comment
+            return
+        for tag, element in zip(tags, arrays, strict=True):
+            if element.tag == "DataArray" and DTYPES.get(element.get("type", ""), "")[:1] == "f":
+                width = max(1, int(element.get("NumberOfComponents") or 1))
+                if n:
+                    yield element.get("Name", "?"), self.place(tag, element, first, n, width)
+
+    def data_in_place(
+        self, places: dict[str, list[tuple[str, Any]]], n_pieces: int
+    ) -> dict[str, InPlace]:
+        """Slots of the arrays that each piece has, of one type in all."""
+        found: dict[str, InPlace] = {}
+        for name, parts in places.items():
+            slots = self.in_place(parts) if len(parts) == n_pieces else None
+            if isinstance(slots, Slots):
+                found[name] = dataclasses.replace(slots, widen=(), keeps_type=True)
+            elif isinstance(slots, _Block) and len(slots.widen) in (0, n_pieces):
+                dtype = "f4" if slots.widen else "f8"
+                found[name] = dataclasses.replace(slots, widen=[], dtype=dtype)
+        return found
+
+    def place(
+        self, match: re.Match[bytes], element: Any, first: int, n: int, width: int = 3
+    ) -> tuple[str, Any]:
+        """Where the points of one piece stand in the file, or other numbers, `width` a point."""
         begin, end = match.end(), self.data.find(b"<", match.end())
         widen: tuple[Edit, ...] = ()
         if found := re.search(rb'(?<=\btype=")Float32(?=")', match[1]):
@@ -327,7 +287,7 @@ class _Reader:
         mode = element.get("format")
         if mode == "ascii":
             text = Text(self.data[begin:end])
-            slots = text.slots(np.arange(3 * n).reshape(n, 3))
+            slots = text.slots(np.arange(width * n).reshape(n, width))
             return mode, Slots(slots.starts + begin, slots.ends + begin, None, widen)
         stored, encoded = self.stored(element)
         length = self.storage.decode(stored, encoded)[1] if stored else 0
@@ -393,7 +353,7 @@ def write(content: FileContent) -> bytes:
 
 
 def _section(tag: str, arrays: dict[str, Any]) -> list[str]:
-    storage = _Storage("<", "<u8", None)
+    storage = Storage("<", "<u8", None)
     lines = [f"<{tag}>"]
     for name, values in arrays.items():
         array = np.atleast_1d(np.asarray(values))

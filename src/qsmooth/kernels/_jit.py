@@ -11,20 +11,23 @@ from typing import Any, TypeVar, cast
 
 import numba
 from numba.core import event
+from numba.core.compiler_lock import global_compiler_lock as _global_compiler_lock
 from numba.extending import typeof_impl
 
 from qsmooth.kernels import compiling
-from qsmooth.kernels._linking import compile_wraps, link_wraps
+from qsmooth.kernels._caching import KernelCache
+from qsmooth.kernels._linking import begin_linking, end_linking
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 # Numba has type hints in some versions and none in others.
 _njit: Any = numba.njit
 _config: Any = numba.config
+_compiler_lock: Any = _global_compiler_lock
 _layer: Any = numba.threading_layer  # type: ignore[attr-defined, unused-ignore]
 # Python's error model tests every division for zero and so stops vectorisation.
 _COMMON = {"error_model": "numpy"}
-_KERNEL = {**_COMMON, "cache": True, "nogil": True, "no_cfunc_wrapper": True}
+_KERNEL = {**_COMMON, "nogil": True, "no_cfunc_wrapper": True}
 
 
 class _Listener(event.Listener):
@@ -33,11 +36,11 @@ class _Listener(event.Listener):
     def on_start(self, event: Any) -> None:
         module = event.data["dispatcher"].py_func.__module__
         if compiling.begin(of_ours=module.startswith("qsmooth.")):
-            link_wraps()
+            begin_linking()
 
     def on_end(self, event: Any) -> None:
         if compiling.end():
-            compile_wraps()
+            end_linking()
 
 
 _register: Any = event.register
@@ -104,9 +107,17 @@ def strict_helper() -> Callable[[F], F]:
     return _compiled(fastmath=False)
 
 
+def _kept(function: FunctionType, **options: Any) -> Any:
+    """Compile a kernel when it is called, and keep it on disk."""
+    made = _njit(**_KERNEL, **options)(function)
+    if not _config.DISABLE_JIT:
+        made._cache = KernelCache(function)
+    return made
+
+
 def kernel() -> Callable[[F], F]:
     """Compile a loop for one thread, cached on disk."""
-    return cast("Callable[[F], F]", _njit(**_KERNEL))
+    return cast("Callable[[F], F]", _kept)
 
 
 class _Threads(threading.local):
@@ -115,8 +126,6 @@ class _Threads(threading.local):
 
 # Whether this Python thread has told Numba on how many threads parallel kernels run.
 _threads = _Threads()
-# Numba's workqueue ends the process where two Python threads run parallel regions at a time.
-_region = threading.Lock()
 
 
 class _Pool:
@@ -128,11 +137,20 @@ class _Pool:
     def __init__(self) -> None:
         # A pool that was there before may be the parent's too.
         self.inherited = multiprocessing.parent_process() is not None and self.layer == "omp"
+        # Numba's workqueue ends the process where two Python threads run regions at a time.
+        self.region = threading.Lock()
         if hasattr(os, "register_at_fork"):
-            os.register_at_fork(after_in_child=self._after_fork)
+            # A child of a fork while another thread compiles would wait for that thread for ever.
+            os.register_at_fork(
+                before=_compiler_lock.acquire,
+                after_in_parent=_compiler_lock.release,
+                after_in_child=self._after_fork,
+            )
 
     def _after_fork(self) -> None:
+        _compiler_lock.release()
         self.inherited = self.layer == "omp"
+        self.region = threading.Lock()
 
     @property
     def layer(self) -> str:
@@ -169,6 +187,14 @@ def available_threads() -> int:
     return int(_config.NUMBA_NUM_THREADS)
 
 
+def useful_threads() -> int:
+    """Count those of them that have a core: a process may be kept to fewer than it began with."""
+    most = available_threads()
+    if hasattr(os, "sched_getaffinity"):
+        return min(most, len(os.sched_getaffinity(0)))
+    return most
+
+
 class ParallelKernel:
     """A loop over `prange`, compiled once for any number of threads.
 
@@ -188,12 +214,12 @@ class ParallelKernel:
         )
         twin.__module__ = function.__module__
         twin.__qualname__ = function.__qualname__ + "_parallel"
-        self.parallel = _njit(parallel=True, **_KERNEL)(twin)
+        self.parallel = _kept(twin, parallel=True)
 
     @functools.cached_property
     def serial(self) -> Callable[..., None]:
         """The plain loop."""
-        return cast("Callable[..., None]", _njit(**_KERNEL)(self._function))
+        return cast("Callable[..., None]", _kept(self._function))
 
     def __call__(self, *args: Any) -> None:
         if not _threads.chosen:
@@ -203,11 +229,11 @@ class ParallelKernel:
             self.serial(*args)
         elif not _pool.one_at_a_time:
             self.parallel(*args)
-        elif _region.acquire(blocking=False):
+        elif _pool.region.acquire(blocking=False):
             try:
                 self.parallel(*args)
             finally:
-                _region.release()
+                _pool.region.release()
         else:
             self.serial(*args)
 

@@ -30,6 +30,7 @@ from qsmooth.kernels.lanes import (
     smaller,
 )
 from qsmooth.kernels.lone_guards import Guard
+from qsmooth.kernels.rails import Rails
 from qsmooth.kernels.stars import Moves
 
 
@@ -169,14 +170,15 @@ def angle_sweep(
     T. Zhou and K. Shimada, "An angle-based approach to two-dimensional mesh smoothing",
     Proceedings of the 9th International Meshing Roundtable (2000).
     """
-    _, table, vertices, stars, _, largest = blocks
+    _, table, vertices, stars, _, largest, own = blocks
+    rails = Rails(*own)
     lengths, shares = moves.lengths, moves.shares
     for b in prange(table.shape[0]):
         s, star = np.empty(N_GUARD_ROWS * LANES), np.empty(6 * largest * LANES)
         block = block_at(table, b)
         gather_stars(xy, vertices, stars, block, star, s)
         steps_to_bisectors(xy, star, s, block, polygons, step)
-        unguarded_moves(xy_out, vertices, block, s, lengths, shares)
+        unguarded_moves(xy_out, vertices, block, s, rails, lengths, shares)
 
 
 @parallel_kernel()
@@ -198,7 +200,8 @@ def guarded_angle_sweep(
     xy, blocks, colours, good, moves
         As in `star.star_sweep`.
     """
-    colour_blocks, table, vertices, stars, _, largest = blocks
+    colour_blocks, table, vertices, stars, _, largest, own = blocks
+    rails = Rails(*own)
     lengths, shares = moves.lengths, moves.shares
     guard = Guard(good, False, False)
     for colour in range(colours[0], colours[1]):
@@ -207,4 +210,4 @@ def guarded_angle_sweep(
             block = block_at(table, b)
             gather_stars(xy, vertices, stars, block, star, s)
             steps_to_bisectors(xy, star, s, block, polygons, step)
-            guarded_moves(xy, vertices, block, guard, star, s, s, lengths, shares)
+            guarded_moves(xy, vertices, block, guard, star, s, s, rails, lengths, shares)

@@ -1,11 +1,38 @@
 """Bounds on angles: how the angle at a vertex is shared out among the cells around it."""
 
 import math
+from typing import NamedTuple
+
+import numpy as np
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray
 from qsmooth.kernels._jit import helper, kernel
 
-FULL_TURN = 360.0
+FULL_TURN, HALF_TURN = 360.0, 180.0
+
+
+class Swings(NamedTuple):
+    """How far the edges between sliding vertices can turn; empty where none slides.
+
+    All in degrees; -1 where no more is known than that the vertex moves, or where it stays.
+
+    Attributes
+    ----------
+    turn : (n_vertices,)
+        Of a vertex that slides along the boundary: by how much the angle between its two edges
+        there can differ from 180°.
+    after, before : (n_vertices,)
+        Of such a vertex: by how much the edge from the vertex before it on the boundary, the cells
+        to the left, or that to the vertex after it, can turn from where it is, if that vertex
+        stays.
+    """
+
+    turn: FloatArray
+    after: FloatArray
+    before: FloatArray
+
+
+NO_SWINGS = Swings(np.empty(0), np.empty(0), np.empty(0))
 
 
 @helper()
@@ -37,6 +64,7 @@ def angle_bounds(
     star_offsets: IndexArray,
     star_corners: IndexArray,
     movable: BoolArray,
+    swings: Swings,
     smallest: FloatArray,
     largest: FloatArray,
 ) -> None:
@@ -44,7 +72,8 @@ def angle_bounds(
 
     Between two fixed edges that follow each other round a fixed vertex lie d cells and an angle θ
     that nothing can change. So one of the d angles is at most θ / d, and one at least. Round a
-    vertex without a fixed edge θ is 360°.
+    vertex without a fixed edge θ is 360°. Where the edges are of a boundary along which vertices
+    slide, θ is known up to how far they can turn.
 
     Parameters
     ----------
@@ -54,6 +83,8 @@ def angle_bounds(
         CSR map from a vertex to its corner positions.
     movable : (n_vertices,)
         Vertices that may move.
+    swings
+        What is known of those that slide.
     smallest, largest : (n_vertices,)
         Overwritten. Degrees: the least θ / d and the largest one; 360 and 0 where there is no cell.
     """
@@ -65,8 +96,14 @@ def angle_bounds(
             c = corner_cells[k]
             first, last = cell_offsets[c], cell_offsets[c + 1]
             w = cell_vertices[k + 1 if k + 1 < last else first]
-            if movable[v] or movable[w]:
+            known = swings.turn.size > 0 and twins[k] < 0
+            if movable[v] and not (known and swings.turn[v] >= 0.0):
                 continue
+            swing = 0.0
+            if movable[w] and not movable[v]:
+                swing = swings.after[w] if known else -1.0
+                if swing < 0.0:
+                    continue
             begin, count = w, 0
             while True:
                 c = corner_cells[k]
@@ -75,18 +112,24 @@ def angle_bounds(
                 side = k - 1 if k > first else last - 1
                 w = cell_vertices[side]
                 k = twins[side]
-                if k < 0 or not movable[w]:
+                if k < 0 or not (movable[w] or movable[v]):
                     break
-            if movable[w]:  # an open end that may move: it bounds nothing
+            if movable[v]:
+                smallest[v] = min(smallest[v], (HALF_TURN + swings.turn[v]) / count)
+                largest[v] = max(largest[v], (HALF_TURN - swings.turn[v]) / count)
                 continue
+            if movable[w]:  # an open end that may move anywhere bounds nothing
+                if k >= 0 or swings.turn.size == 0 or swings.before[w] < 0.0:
+                    continue
+                swing += swings.before[w]
             if _same_place(xy, v, begin) or _same_place(xy, v, w):  # no direction
                 continue
             if w == begin and count == star_offsets[v + 1] - star_offsets[v] and k >= 0:
                 angle = FULL_TURN
             else:
                 angle = _turn(_direction(xy, v, begin), _direction(xy, v, w))
-            smallest[v] = min(smallest[v], angle / count)
-            largest[v] = max(largest[v], angle / count)
+            smallest[v] = min(smallest[v], (angle + swing) / count)
+            largest[v] = max(largest[v], (angle - swing) / count)
         n_cells = star_offsets[v + 1] - star_offsets[v]
         if largest[v] == 0.0 and n_cells > 0:
             # No fixed edge: a full turn, if the cells close round the vertex.

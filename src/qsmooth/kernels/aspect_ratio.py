@@ -37,6 +37,7 @@ from qsmooth.kernels.lanes import (
     larger,
 )
 from qsmooth.kernels.lone_guards import Guard
+from qsmooth.kernels.rails import Rails
 from qsmooth.kernels.stars import Moves
 from qsmooth.kernels.trigonometry import arctangent, cosine_and_sine
 
@@ -187,7 +188,8 @@ def aspect_ratio_sweep(
         Besides the guards, no step may make the largest edge ratio of the star's triangles larger,
         unless it stays within this; infinite for no such rule.
     """
-    colour_blocks, table, vertices, stars, _, largest = blocks
+    colour_blocks, table, vertices, stars, _, largest, own = blocks
+    rails = Rails(*own)
     lengths, shares = moves.lengths, moves.shares
     guard = Guard(good, False, True)
     for colour in range(colours[0], colours[1]):
@@ -198,4 +200,4 @@ def aspect_ratio_sweep(
             gather_stars(xy, vertices, stars, block, star, s)
             guard_lines(star, s, block, lines)
             mean_along_circumcircles(star, s, lines, block, max_edge_ratio, step, power, tolerated)
-            guarded_moves(xy, vertices, block, guard, star, s, lines, lengths, shares)
+            guarded_moves(xy, vertices, block, guard, star, s, lines, rails, lengths, shares)

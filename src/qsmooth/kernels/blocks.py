@@ -11,7 +11,8 @@ import numpy as np
 
 from qsmooth._types import BlockArray, FloatArray, IndexArray, TableArray
 from qsmooth.kernels._jit import helper, inlined_helper, kernel
-from qsmooth.kernels.corner_energy import EQUILATERAL, SQUARE
+from qsmooth.kernels.corner_energy import EQUILATERAL, SQUARE, Target
+from qsmooth.kernels.rails import Rails
 from qsmooth.kernels.stars import NO_VERTEX, Stars
 
 # Vertices in a block: enough to hide latencies, few enough that a large star stays in cache.
@@ -44,6 +45,8 @@ class Blocks(NamedTuple):
         ...
     largest
         Cells in the largest star.
+    rails
+        Where the vertices may be.
     """
 
     colour_blocks: IndexArray
@@ -52,6 +55,7 @@ class Blocks(NamedTuple):
     stars: TableArray
     cells: TableArray
     largest: int
+    rails: Rails
 
 
 class Rows(NamedTuple):
@@ -61,7 +65,8 @@ class Rows(NamedTuple):
     ----------
     asks : (n_blocks,)
         What a block asks for beside ideal shapes of any size: a sum of `SHAPES`, `SIZES`, `WALLS`.
-        What is not asked for there is not looked up.
+        What is not asked for there is not looked up, and what no block asks for has no rows: (0,)
+        in place of (n_rows,) below. Walls on badness look up `slim` and `near` in all blocks.
     m11, m12, m22 : (n_rows,)
         The target shape at the corner of the vertex (`corner_energy.Target`); in quads m12 is 0.
     area, inv_area : (n_rows,)
@@ -140,7 +145,7 @@ def _in_order(kind: IndexArray, colour_offsets: IndexArray, largest: int) -> Ind
 
 @kernel()
 def build_blocks(stars: Stars) -> Blocks:
-    """Cut coloured vertices into blocks of equal stars.
+    """Cut coloured vertices into blocks of equal stars; they may be anywhere.
 
     Within a colour, blocks come in the order of their make-up, but for hubs, and vertices of one
     make-up in the order they had.
@@ -210,7 +215,8 @@ def build_blocks(stars: Stars) -> Blocks:
             i += size
             b += 1
         colour_blocks[colour + 1] = b
-    return Blocks(colour_blocks, table, vertices, entries, cells, largest)
+    free = Rails(np.empty((0, 2)), np.empty(0), np.empty((0, 2)))
+    return Blocks(colour_blocks, table, vertices, entries, cells, largest, free)
 
 
 @kernel()
@@ -231,6 +237,17 @@ def row_corners(blocks: Blocks, cell_offsets: IndexArray, cell_vertices: IndexAr
     return out
 
 
+@helper()
+def _shape_of_row(
+    shapes: FloatArray, row_corners: IndexArray, row: int, ideal: Target, weight: float
+) -> Target:
+    """Look up the target shape at a row's corner, times what it counts; ideal without corners."""
+    if row_corners.size == 0:
+        return Target(ideal.m11 * weight, ideal.m12 * weight, ideal.m22 * weight)
+    k = row_corners[row]
+    return Target(shapes[k, 0] * weight, shapes[k, 1] * weight, shapes[k, 2] * weight)
+
+
 @kernel()
 def make_rows(
     blocks: Blocks,
@@ -240,46 +257,60 @@ def make_rows(
     size_weight: FloatArray,
     slim: FloatArray,
     weight: FloatArray,
+    wanted: int = SHAPES | SIZES | WALLS,
 ) -> Rows:
     """Put together what is asked of each row, and find out what each block asks for.
 
     Parameters
     ----------
     row_corners : (n_rows,)
-        As `row_corners` finds them.
+        As `row_corners` finds them; (0,) where all shapes are ideal, and are not looked up.
     shapes : (n_corners, 3)
         m11, m12, m22 at each corner.
     area, size_weight, slim : (n_cells,)
         As in `Rows`; areas where the weight is 0 do not count.
     weight : (n_cells,)
         How much the shape energy of a cell counts; its wall stands where it stood.
+    wanted
+        A sum of `SHAPES`, `SIZES`, `WALLS`: what has rows even if no block asks for it.
     """
     table, cells = blocks.table, blocks.cells
-    n = cells.size
-    asks = np.empty(table.shape[0], np.int64)
-    m11, m12, m22 = np.empty(n), np.empty(n), np.empty(n)
-    areas, inv_areas, size_weights = np.empty(n), np.empty(n), np.empty(n)
-    slims, near = np.empty(n), np.empty(n)
+    asks, found = np.empty(table.shape[0], np.int64), np.int64(wanted)
     for b in range(table.shape[0]):
         size, first = np.int64(table[b, SIZE]), np.int64(table[b, ROWS])
         n_quads = np.int64(table[b, N_QUADS])
         shaped, sized, walled = False, False, False
         for k in range(n_quads + np.int64(table[b, N_TRIANGLES])):
-            i11, i12, i22 = SQUARE if k < n_quads else EQUILATERAL
+            ideal = SQUARE if k < n_quads else EQUILATERAL
             for row in range(first + k * size, first + (k + 1) * size):
-                c, corner = cells[row], row_corners[row]
-                m11[row] = shapes[corner, 0] * weight[c]
-                m12[row] = shapes[corner, 1] * weight[c]
-                m22[row] = shapes[corner, 2] * weight[c]
-                off = max(abs(m11[row] - i11), abs(m12[row] - i12), abs(m22[row] - i22))
+                c = cells[row]
+                m = _shape_of_row(shapes, row_corners, row, ideal, weight[c])
+                off = max(abs(m.m11 - ideal.m11), abs(m.m12 - ideal.m12), abs(m.m22 - ideal.m22))
                 shaped |= off > ROUNDING
-                areas[row], inv_areas[row] = 0.0, 0.0
-                if size_weight[c] > 0.0:
-                    sized = True
-                    if area[c] > 0.0:
-                        areas[row], inv_areas[row] = area[c], 1.0 / area[c]
-                size_weights[row], near[row] = size_weight[c], 1.0
-                slims[row] = slim[c] / weight[c]
-                walled |= slims[row] > 0.0
+                sized |= size_weight[c] > 0.0
+                walled |= slim[c] / weight[c] > 0.0
         asks[b] = SHAPES * shaped + SIZES * sized + WALLS * walled
+        found |= asks[b]
+    n_shapes = cells.size if found & SHAPES else 0
+    n_sizes = cells.size if found & SIZES else 0
+    n_walls = cells.size if found & WALLS else 0
+    m11, m12, m22 = np.empty(n_shapes), np.empty(n_shapes), np.empty(n_shapes)
+    areas, inv_areas, size_weights = np.empty(n_sizes), np.empty(n_sizes), np.empty(n_sizes)
+    slims, near = np.empty(n_walls), np.empty(n_walls)
+    for b in range(table.shape[0] if found else 0):
+        size, first = np.int64(table[b, SIZE]), np.int64(table[b, ROWS])
+        n_quads = np.int64(table[b, N_QUADS])
+        for row in range(first, first + size * (n_quads + np.int64(table[b, N_TRIANGLES]))):
+            c = cells[row]
+            if n_shapes:
+                ideal = SQUARE if row < first + size * n_quads else EQUILATERAL
+                m = _shape_of_row(shapes, row_corners, row, ideal, weight[c])
+                m11[row], m12[row], m22[row] = m.m11, m.m12, m.m22
+            if n_sizes:
+                counts = size_weight[c] > 0.0 and area[c] > 0.0
+                areas[row] = area[c] if counts else 0.0
+                inv_areas[row] = 1.0 / area[c] if counts else 0.0
+                size_weights[row] = size_weight[c]
+            if n_walls:
+                slims[row], near[row] = slim[c] / weight[c], 1.0
     return Rows(asks, m11, m12, m22, areas, inv_areas, size_weights, slims, near)

@@ -23,6 +23,7 @@ from qsmooth.kernels.lanes import (
     smaller,
 )
 from qsmooth.kernels.lone_guards import Guard
+from qsmooth.kernels.rails import Rails
 from qsmooth.kernels.stars import Moves
 
 
@@ -90,14 +91,15 @@ def centroid_sweep(xy: FloatArray, blocks: Blocks, xy_out: FloatArray, moves: Mo
     moves
         Overwritten, in the order of the blocks.
     """
-    _, table, vertices, stars, _, largest = blocks
+    _, table, vertices, stars, _, largest, own = blocks
+    rails = Rails(*own)
     lengths, shares = moves.lengths, moves.shares
     for b in prange(table.shape[0]):
         s, star = np.empty(N_GUARD_ROWS * LANES), np.empty(6 * largest * LANES)
         block = block_at(table, b)
         gather_stars(xy, vertices, stars, block, star, s)
         steps_to_centroids(star, s, block)
-        unguarded_moves(xy_out, vertices, block, s, lengths, shares)
+        unguarded_moves(xy_out, vertices, block, s, rails, lengths, shares)
 
 
 @parallel_kernel()
@@ -111,7 +113,8 @@ def smart_centroid_sweep(
     xy, blocks, colours, good, moves
         As in `star.star_sweep`.
     """
-    colour_blocks, table, vertices, stars, _, largest = blocks
+    colour_blocks, table, vertices, stars, _, largest, own = blocks
+    rails = Rails(*own)
     lengths, shares = moves.lengths, moves.shares
     guard = Guard(good, False, False)
     for colour in range(colours[0], colours[1]):
@@ -120,4 +123,4 @@ def smart_centroid_sweep(
             block = block_at(table, b)
             gather_stars(xy, vertices, stars, block, star, s)
             steps_to_centroids(star, s, block)
-            guarded_moves(xy, vertices, block, guard, star, s, s, lengths, shares)
+            guarded_moves(xy, vertices, block, guard, star, s, s, rails, lengths, shares)

@@ -3,10 +3,12 @@
 Numba is not loaded here: whoever only reads a clock needs no compiler.
 """
 
+import contextlib
 import gc
 import logging
 import threading
 import time
+from collections.abc import Iterator
 
 # Python tells it on standard error where nobody has set up logging; programs hear of it by a
 # handler of this logger.
@@ -43,6 +45,22 @@ def clock() -> float:
 def compiled_kernels() -> int:
     """Count the kernels that this process had to compile, as no cache had them."""
     return _Count.value
+
+
+def inside_another() -> bool:
+    """Whether what compiles now is called by a kernel that began to compile before it."""
+    return _compiling.depth > 1
+
+
+@contextlib.contextmanager
+def left_out() -> Iterator[None]:
+    """Leave what is done inside the block out of the clock, as what belongs to compiling."""
+    started = clock()
+    try:
+        yield
+    finally:
+        if not _compiling.depth:
+            _compiling.seconds += clock() - started
 
 
 def begin(of_ours: bool) -> bool:

@@ -32,7 +32,7 @@ def certainly_left(ax: float, ay: float, bx: float, by: float, cx: float, cy: fl
 
 
 @strict_helper()
-def _two_sum(a: float, b: float) -> tuple[float, float]:
+def two_sum(a: float, b: float) -> tuple[float, float]:
     """Add exactly: the rounded sum and its error (Knuth)."""
     total = a + b
     b_part = total - a
@@ -40,7 +40,7 @@ def _two_sum(a: float, b: float) -> tuple[float, float]:
 
 
 @strict_helper()
-def _two_product(a: float, b: float) -> tuple[float, float]:
+def two_product(a: float, b: float) -> tuple[float, float]:
     """Multiply exactly: the rounded product and its error (Dekker)."""
     product = a * b
     t = SPLITTER * a
@@ -73,21 +73,21 @@ def _exact_orientation(ax: float, ay: float, bx: float, by: float, cx: float, cy
     size = 0
     for k in range(6):
         if k == 0:
-            high, low = _two_product(ax, by)
+            high, low = two_product(ax, by)
         elif k == 1:
-            high, low = _two_product(-ay, bx)
+            high, low = two_product(-ay, bx)
         elif k == 2:
-            high, low = _two_product(bx, cy)
+            high, low = two_product(bx, cy)
         elif k == 3:
-            high, low = _two_product(-by, cx)
+            high, low = two_product(-by, cx)
         elif k == 4:
-            high, low = _two_product(cx, ay)
+            high, low = two_product(cx, ay)
         else:
-            high, low = _two_product(-cy, ax)
+            high, low = two_product(-cy, ax)
         for part in range(2):
             carry = low if part == 0 else high
             for i in range(size):
-                carry, expansion[i] = _two_sum(carry, expansion[i])
+                carry, expansion[i] = two_sum(carry, expansion[i])
             expansion[size] = carry
             size += 1
     for i in range(size - 1, -1, -1):

@@ -14,11 +14,14 @@ from qsmooth._types import FloatArray, TableArray
 from qsmooth.kernels._jit import helper, lane_helper
 from qsmooth.kernels.blocks import Block
 from qsmooth.kernels.clearance import keep_clearances
+from qsmooth.kernels.confining import confined
 from qsmooth.kernels.geometry import certainly_positive
 from qsmooth.kernels.guard_rows import (
     BY_RATIO,
     CERTAIN,
     ENOUGH,
+    FIRST_X,
+    FIRST_Y,
     KEPT,
     LEAST,
     LONE,
@@ -44,10 +47,12 @@ from qsmooth.kernels.lanes import (
     TODO,
     X,
     Y,
+    confine_lanes,
     larger,
     smaller,
 )
 from qsmooth.kernels.lone_guards import Guard, edge_ratio, lone_step
+from qsmooth.kernels.rails import Rails
 
 # What is tried: the whole steps, against what is good in itself; where the vertices are, to ask for
 # no more than that; and the steps again, halved until the vertex stays.
@@ -88,12 +93,18 @@ def _judge_corner(
 
 
 @helper()
-def _try(star: FloatArray, s: FloatArray, block: Block, fraction: float) -> None:
-    """Put the vertices at a fraction of their steps; certify and score what they see."""
-    n, quads = block.size, block.n_quads
+def _place(s: FloatArray, n: int, fraction: float) -> None:
+    """Put the vertices at a fraction of their steps."""
     for i in range(n):
         s[PX + i] = s[X + i] + fraction * s[SX + i]
         s[PY + i] = s[Y + i] + fraction * s[SY + i]
+
+
+@helper()
+def _try(star: FloatArray, s: FloatArray, block: Block) -> None:
+    """Certify and score what the vertices see at their trial places."""
+    n, quads = block.size, block.n_quads
+    for i in range(n):
         s[CERTAIN + i], s[SCORE + i] = 1.0, np.inf
     for k in range(quads):
         at = k * ROW6
@@ -155,6 +166,17 @@ def judge_ratios(star: FloatArray, s: FloatArray, block: Block) -> None:
         at = block.n_quads * ROW6 + k * ROW4
         for i in range(block.size):
             s[RATIO + i] = larger(edge_ratio(star, at, i, s[PX + i], s[PY + i]), s[RATIO + i])
+
+
+@helper()
+def _keep_clearances(lines: FloatArray, s: FloatArray, block: Block) -> None:
+    """Find the clearances that are left at trial places that are no fraction of the steps away."""
+    for i in range(block.size):
+        s[FIRST_X + i], s[FIRST_Y + i] = s[SX + i], s[SY + i]
+        s[SX + i], s[SY + i] = s[PX + i] - s[X + i], s[PY + i] - s[Y + i]
+    keep_clearances(lines, s, block, 1.0)
+    for i in range(block.size):
+        s[SX + i], s[SY + i] = s[FIRST_X + i], s[FIRST_Y + i]
 
 
 @helper()
@@ -236,13 +258,17 @@ def unguarded_moves(
     vertices: TableArray,
     block: Block,
     s: FloatArray,
+    rails: Rails,
     lengths: FloatArray,
     shares: FloatArray,
 ) -> None:
     """Move the vertices of a block by their whole steps, and measure: as in `guarded_moves`."""
-    for i in range(block.size):
+    n = block.size
+    for i in range(n):
         s[NEW_X + i], s[NEW_Y + i] = s[X + i] + s[SX + i], s[Y + i] + s[SY + i]
-    _store(xy, vertices, block.first, block.size, s, lengths, shares)
+    if confined(rails):
+        confine_lanes(s, NEW_X, NEW_Y, (n - n, n), vertices, block.first, rails)
+    _store(xy, vertices, block.first, n, s, lengths, shares)
 
 
 @helper()
@@ -254,6 +280,7 @@ def guarded_moves(
     star: FloatArray,
     s: FloatArray,
     lines: FloatArray,
+    rails: Rails,
     lengths: FloatArray,
     shares: FloatArray,
 ) -> None:
@@ -268,20 +295,28 @@ def guarded_moves(
         shortest edges in SHORTEST; if `guard.even`, the ratios to keep in MOST_RATIO.
     lines
         As `clearance.guard_lines` fills it, if `guard.fenced`; LEAST has the clearances to keep.
+    rails
+        Where they may be.
     lengths, shares : (n_movable,)
         As in `stars.Moves`: overwritten for this block.
     """
-    n = block.size
+    n, on_rails = block.size, confined(rails)
     left = _want(s, n, guard)
     for attempt in range(len(TRIALS)):
         if left == 0:
             break
-        _try(star, s, block, TRIALS[attempt])
+        _place(s, n, TRIALS[attempt])
+        if on_rails and attempt != PRESENT:
+            confine_lanes(s, PX, PY, (n - n, n), vertices, block.first, rails)
+        _try(star, s, block)
         if attempt == PRESENT:
             _ask_no_more(star, s, block)
             continue
         if guard.fenced:
-            keep_clearances(lines, s, block, TRIALS[attempt])
+            if on_rails:
+                _keep_clearances(lines, s, block)
+            else:
+                keep_clearances(lines, s, block, TRIALS[attempt])
         if guard.even:
             judge_ratios(star, s, block)
         left = _accept(s, n)
@@ -293,5 +328,7 @@ def guarded_moves(
         # Steps that were refused by the ratio and by other guards in turn may be halved further.
         mixed = 0.0 < s[BY_RATIO + i] < N_HALVED
         if s[LONE + i] > 0.0 or (s[TODO + i] > 0.0 and (left <= FEW or mixed)):
-            s[NEW_X + i], s[NEW_Y + i] = lone_step(star, s, lines, block, guard, i)
+            s[NEW_X + i], s[NEW_Y + i] = lone_step(
+                star, s, lines, block, guard, i, vertices[block.first + i], rails
+            )
     _store(xy, vertices, block.first, n, s, lengths, shares)

@@ -4,7 +4,9 @@ import math
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray
 from qsmooth.kernels._jit import helper, kernel
+from qsmooth.kernels.confining import confine, confined
 from qsmooth.kernels.geometry import orientation
+from qsmooth.kernels.rails import Rails
 
 # How far from the line between its neighbours a doublet is put, over their distance: the first at
 # which one of its cells is certainly convex is the best. 1e-9 is 2e-7 degrees beyond 180.
@@ -84,7 +86,7 @@ def mark_one_of_two(
 def place_doublets(
     xy: FloatArray, doublets: IndexArray, star_offsets: IndexArray,
     star_cells: IndexArray, star_corners: IndexArray,
-    cell_offsets: IndexArray, cell_vertices: IndexArray, lengths: FloatArray,
+    cell_offsets: IndexArray, cell_vertices: IndexArray, rails: Rails, lengths: FloatArray,
 ) -> None:  # fmt: skip
     """Put each doublet half way between its two neighbours, and a hair to one side.
 
@@ -95,6 +97,8 @@ def place_doublets(
     ----------
     doublets, lengths : (n_doublets,)
         Vertices; and how far each moved, overwritten.
+    rails
+        Where they may be.
     """
     for i in range(doublets.size):
         v = doublets[i]
@@ -113,6 +117,8 @@ def place_doublets(
             for hair in HAIRS:
                 xy[v, 0] = 0.5 * (xy[b, 0] + xy[d, 0]) + side * hair * ey
                 xy[v, 1] = 0.5 * (xy[b, 1] + xy[d, 1]) - side * hair * ex
+                if confined(rails):
+                    xy[v, 0], xy[v, 1] = confine(v, xy[v, 0], xy[v, 1], rails)
                 bad, angle = _rate(xy, cells, cell_offsets, cell_vertices)
                 if bad < best_bad or (bad == best_bad and angle < best_angle):
                     best_bad, best_angle = bad, angle

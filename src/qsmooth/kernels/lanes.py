@@ -13,7 +13,9 @@ import numpy as np
 from qsmooth._types import FloatArray, TableArray
 from qsmooth.kernels._jit import helper, lane_helper
 from qsmooth.kernels.blocks import Block, lane_row
+from qsmooth.kernels.confining import confine, tangent
 from qsmooth.kernels.corner_energy import Linear, Quadratic, hessian, quotient
+from qsmooth.kernels.rails import Rails
 
 # The first lane of a block to look at, and the one to stop before.
 LaneRange: TypeAlias = tuple[int, int]
@@ -125,6 +127,51 @@ def newton_step(s: FloatArray, n: int) -> float:
     for i in range(n):
         left += s[TODO + i]
     return left
+
+
+@helper()
+def steps_on_rails(s: FloatArray, vertices: TableArray, first: int, n: int, rails: Rails) -> float:
+    """Take Newton's step in one dimension where a vertex may move along a line only.
+
+    Parameters
+    ----------
+    s
+        Scratch, as `newton_step` leaves it.
+    vertices, first
+        The vertex of lane i is ``vertices[first + i]``.
+
+    Returns
+    -------
+    left
+        Lanes that have a step to take.
+    """
+    left = 0.0
+    for i in range(n):
+        gx, gy = s[GX + i], s[GY + i]
+        tx, ty, bend = tangent(vertices[first + i], s[X + i], s[Y + i], gx, gy, rails)
+        if tx != 0.0 or ty != 0.0:
+            slope = gx * tx + gy * ty
+            curvature = tx * tx * s[HXX + i] + 2.0 * tx * ty * s[HXY + i] + ty * ty * s[HYY + i]
+            length = -slope / (curvature + bend)
+            s[SX + i], s[SY + i] = length * tx, length * ty
+            s[TODO + i] = 1.0 if -slope * length > LEAST_PROMISE * s[ENERGY + i] else 0.0
+        left += s[TODO + i]
+    return left
+
+
+@helper()
+def confine_lanes(
+    s: FloatArray,
+    x: int,
+    y: int,
+    lanes: LaneRange,
+    vertices: TableArray,
+    first: int,
+    rails: Rails,
+) -> None:
+    """Put the places in rows `x` and `y` where the vertices may be; as `steps_on_rails`."""
+    for i in range(lanes[0], lanes[1]):
+        s[x + i], s[y + i] = confine(vertices[first + i], s[x + i], s[y + i], rails)
 
 
 @helper()

@@ -6,13 +6,15 @@ from typing import Any
 import numpy as np
 from numba import prange
 
-from qsmooth._types import FloatArray
+from qsmooth._types import FloatArray, TableArray
 from qsmooth.kernels._jit import helper, parallel_kernel
 from qsmooth.kernels.blocks import LANES, Block, Blocks, block_at, lane_row
+from qsmooth.kernels.confining import confine, confined
 from qsmooth.kernels.guard_rows import N_GUARD_ROWS, SHORTEST
 from qsmooth.kernels.guards import guarded_moves
 from qsmooth.kernels.lanes import ROW, ROW2, ROW4, ROW6, SX, SY, X, Y, gather_stars, smaller
 from qsmooth.kernels.lone_guards import Guard
+from qsmooth.kernels.rails import Rails
 from qsmooth.kernels.ring_blocks import FIRST, N_NEIGHBOURS, SIZE, START, RingBlocks
 from qsmooth.kernels.stars import Moves
 
@@ -23,6 +25,29 @@ BLOCKS_A_CHUNK = 16
 AT_X, AT_Y, DX, DY, NEAREST = (lane_row(k) for k in range(5))
 N_ROWS = 5
 ONE: Any = np.uint64(1)
+
+
+@helper()
+def _confine_means(
+    xy: FloatArray,
+    vertices: TableArray,
+    first: int,
+    n: int,
+    s: FloatArray,
+    rails: Rails,
+    lengths: FloatArray,
+    shares: FloatArray,
+) -> None:
+    """Put the means in AT_X and AT_Y where the vertices may be, and measure these moves."""
+    for i in range(n):
+        v = vertices[first + i]
+        x, y = confine(v, s[AT_X + i], s[AT_Y + i], rails)
+        s[AT_X + i], s[AT_Y + i] = x, y
+        dx, dy = x - xy[v, 0], y - xy[v, 1]
+        length, shortest = math.sqrt(dx * dx + dy * dy), math.sqrt(s[NEAREST + i])
+        lengths[first + i] = length
+        part = length / shortest if shortest > 0.0 else np.inf
+        shares[first + i] = part if length > 0.0 else 0.0
 
 
 @parallel_kernel()
@@ -40,7 +65,8 @@ def laplacian_sweep(xy: FloatArray, blocks: RingBlocks, xy_out: FloatArray, move
     moves
         Overwritten, in the order of the blocks' vertices.
     """
-    table, vertices, neighbours = blocks
+    table, vertices, neighbours, own = blocks
+    rails = Rails(*own)
     lengths, shares = moves.lengths, moves.shares
     for chunk in prange((table.shape[0] + BLOCKS_A_CHUNK - 1) // BLOCKS_A_CHUNK):
         s = np.empty(N_ROWS * LANES)
@@ -70,6 +96,8 @@ def laplacian_sweep(xy: FloatArray, blocks: RingBlocks, xy_out: FloatArray, move
                 lengths[first + i] = length
                 part = length / shortest if shortest > 0.0 else np.inf
                 shares[first + i] = part if length > 0.0 else 0.0
+            if confined(rails):
+                _confine_means(xy, vertices, first, n, s, rails, lengths, shares)
             for i in range(n):
                 v = vertices[first + i]
                 xy_out[v, 0], xy_out[v, 1] = s[AT_X + i], s[AT_Y + i]
@@ -112,7 +140,8 @@ def smart_laplacian_sweep(
     xy, blocks, colours, good, moves
         As in `star.star_sweep`.
     """
-    colour_blocks, table, vertices, stars, _, largest = blocks
+    colour_blocks, table, vertices, stars, _, largest, own = blocks
+    rails = Rails(*own)
     lengths, shares = moves.lengths, moves.shares
     guard = Guard(good, False, False)
     for colour in range(colours[0], colours[1]):
@@ -121,4 +150,4 @@ def smart_laplacian_sweep(
             block = block_at(table, b)
             gather_stars(xy, vertices, stars, block, star, s)
             steps_to_means(star, s, block)
-            guarded_moves(xy, vertices, block, guard, star, s, s, lengths, shares)
+            guarded_moves(xy, vertices, block, guard, star, s, s, rails, lengths, shares)

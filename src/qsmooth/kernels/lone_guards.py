@@ -11,6 +11,7 @@ import numpy as np
 from qsmooth._types import FloatArray
 from qsmooth.kernels._jit import helper, lane_helper, strict_helper
 from qsmooth.kernels.blocks import Block
+from qsmooth.kernels.confining import confine, confined
 from qsmooth.kernels.geometry import (
     certainly_left,
     orientation,
@@ -19,6 +20,7 @@ from qsmooth.kernels.geometry import (
 )
 from qsmooth.kernels.guard_rows import LEAST, LINE, LINE_X, LINE_Y, MOST_RATIO
 from qsmooth.kernels.lanes import ROW, ROW0, ROW2, ROW3, ROW4, ROW5, ROW6, SX, SY, X, Y
+from qsmooth.kernels.rails import Rails
 
 # The guard lines of a quad and of a triangle by the rows of their ends.
 ENDS = ((ROW0, ROW4), (ROW0, ROW2), (ROW2, ROW4))
@@ -130,15 +132,21 @@ def _allowed_part(
     dy: float,
     good: float,
     least: float,
+    v: int,
+    rails: Rails,
 ) -> float:
     """Find the first of 1, a half, a quarter and an eighth of the step that all guards allow."""
     present = np.nan  # the present quality, once it is needed
     part = 1.0
     for _ in range(HALVINGS + 1):
         new_x, new_y = x + part * dx, y + part * dy
+        way_x, way_y = part * dx, part * dy
+        if confined(rails):
+            new_x, new_y = confine(v, new_x, new_y, rails)
+            way_x, way_y = new_x - x, new_y - y
         if (
             (new_x != x or new_y != y)
-            and keeps_clearance(lines, n_lines, i, part * dx, part * dy, least)
+            and keeps_clearance(lines, n_lines, i, way_x, way_y, least)
             and keeps_corners(star, block, i, x, y, new_x, new_y)
         ):
             if math.isnan(good):
@@ -163,12 +171,14 @@ def lone_step(
     block: Block,
     guard: Guard,
     i: int,
+    v: int,
+    rails: Rails,
 ) -> tuple[float, float]:
-    """Take as much of the step of lane i as all its guards allow.
+    """Take as much of the step of lane i, where vertex v is, as all its guards allow.
 
     Parameters
     ----------
-    star, s, lines, block, guard
+    star, s, lines, block, guard, rails
         As in `guards.guarded_moves`.
 
     Returns
@@ -179,9 +189,15 @@ def lone_step(
     x, y, dx, dy = s[X + i], s[Y + i], s[SX + i], s[SY + i]
     n_lines = 3 * block.n_quads + block.n_triangles if guard.fenced else block.size - block.size
     for _ in range(HALVINGS + 1):
-        part = _allowed_part(star, lines, block, n_lines, i, x, y, dx, dy, guard.good, s[LEAST + i])
+        part = _allowed_part(
+            star, lines, block, n_lines, i, x, y, dx, dy, guard.good, s[LEAST + i], v, rails
+        )
+        if part == 0.0:
+            return x, y
         new_x, new_y = x + part * dx, y + part * dy
-        if part == 0.0 or star_edge_ratio(star, block, i, new_x, new_y) <= s[MOST_RATIO + i]:
+        if confined(rails):
+            new_x, new_y = confine(v, new_x, new_y, rails)
+        if star_edge_ratio(star, block, i, new_x, new_y) <= s[MOST_RATIO + i]:
             return new_x, new_y
         # By powers of two alone, so that the bits are those of all lanes together.
         dx, dy = 0.5 * part * dx, 0.5 * part * dy

@@ -18,6 +18,7 @@ from numba import prange
 from qsmooth._types import FloatArray, TableArray
 from qsmooth.kernels._jit import helper, parallel_kernel
 from qsmooth.kernels.blocks import LANES, Block, Blocks, Rows, block_at
+from qsmooth.kernels.confining import confined
 from qsmooth.kernels.lanes import (
     ENERGY,
     FRACTIONS,
@@ -37,12 +38,15 @@ from qsmooth.kernels.lanes import (
     LaneRange,
     X,
     Y,
+    confine_lanes,
     gather_block,
     newton_step,
     start_trial,
+    steps_on_rails,
     store_better,
 )
 from qsmooth.kernels.newton_sweep import N_SEEN, SEEN, Wall, gather_held
+from qsmooth.kernels.rails import Rails
 from qsmooth.kernels.star_energy import (
     RowArrays,
     Terms,
@@ -123,29 +127,45 @@ def map_trial(s: FloatArray, lanes: LaneRange, maps: RowArrays, row: int, own: F
         own[TRIAL + i] = 0.0
 
 
+class Asked(NamedTuple):
+    """What is asked of the cells of each star, as arrays of rows that loops over lanes read.
+
+    Attributes
+    ----------
+    shapes, sizes
+        As in `blocks.Rows`.
+    shape_walls, corner_walls
+        `slim` and `near` of `blocks.Rows`; in the latter no shape counts.
+    maps
+        As in `Maps`.
+    """
+
+    shapes: RowArrays
+    sizes: RowArrays
+    shape_walls: WallArrays
+    corner_walls: WallArrays
+    maps: RowArrays
+
+
 @helper()
-def _move_block(
-    xy: FloatArray,
-    vertices: TableArray,
-    stars: TableArray,
-    block: Block,
-    relaxation: float,
-    terms: Terms,
-    held: FloatArray,
-    shapes: RowArrays,
-    sizes: RowArrays,
-    shape_walls: WallArrays,
-    corner_walls: WallArrays,
-    maps: RowArrays,
+def add_stars(
     star_xy: FloatArray,
-    mapped: FloatArray,
     s: FloatArray,
+    block: Block,
+    what: Asked,
+    terms: Terms,
+    mapped: FloatArray,
     own: FloatArray,
-    lengths: FloatArray,
 ) -> None:
-    gather_block(xy, vertices, stars, block, star_xy, s, lengths)
+    """Add up the energy of each star of a block, and its derivatives.
+
+    Parameters
+    ----------
+    mapped, own
+        Scratch like `star_xy` and `s`.
+    """
+    shapes, sizes, shape_walls, corner_walls, maps = what
     n, quads, triangles, row = block.size, block.n_quads, block.n_triangles, block.rows
-    gather_held(vertices, block.first, n, held, s)
     weight = terms.mean_weight
     # In the plane as it is no shape counts, in the mapped one no badness of corners does.
     shape_terms = Terms(weight, 0.0, 1, 2.0)
@@ -168,38 +188,98 @@ def _move_block(
             add_walled_triangle(star_xy, s, at, n, none, at_none, corner_walls, k_row, terms)
             add_size(star_xy, s, at, at + ROW2, n, sizes, k_row, weight)
         take_back(own, n, maps, k_row, s)
-    left = newton_step(s, n)
+
+
+@helper()
+def try_stars(
+    star_xy: FloatArray,
+    s: FloatArray,
+    block: Block,
+    what: Asked,
+    terms: Terms,
+    more: bool,
+    mapped: FloatArray,
+    own: FloatArray,
+) -> None:
+    """Add up the energy of each star at the trial places, and keep the least margins.
+
+    Parameters
+    ----------
+    more
+        Whether edges and shapes are held.
+    mapped, own
+        As `add_stars` leaves them.
+    """
+    shapes, sizes, shape_walls, corner_walls, maps = what
+    n, quads, triangles, row = block.size, block.n_quads, block.n_triangles, block.rows
+    weight = terms.mean_weight
+    shape_terms = Terms(weight, 0.0, 1, 2.0)
+    zero = own[X : X + ROW]
+    none, at_none = (zero, zero, zero), row - row
     everyone = (n - n, n)  # of one type
+    for k in range(quads + triangles):
+        at, k_row = min(k, quads) * ROW2 + k * ROW4, row + k * n
+        map_trial(s, everyone, maps, k_row, own)
+        if k < quads:
+            try_walled_quad(
+                mapped, own, at, everyone, shapes, k_row, shape_walls, k_row, shape_terms
+            )
+            try_walled_quad(star_xy, s, at, everyone, none, at_none, corner_walls, k_row, terms)
+            for j in range(N_SEEN):
+                a, c = at + SEEN[j][0], at + SEEN[j][1]
+                try_size(star_xy, s, a, c, everyone, sizes, k_row, weight)
+            if more:
+                hold_quad(star_xy, s, at, everyone)
+        else:
+            try_walled_triangle(
+                mapped, own, at, everyone, shapes, k_row, shape_walls, k_row, shape_terms
+            )
+            try_walled_triangle(star_xy, s, at, everyone, none, at_none, corner_walls, k_row, terms)
+            try_size(star_xy, s, at, at + ROW2, everyone, sizes, k_row, weight)
+            if more:
+                hold_triangle(star_xy, s, at, everyone)
+        for i in range(n):
+            s[TRIAL + i] += own[TRIAL + i]
+
+
+@helper()
+def _move_block(
+    xy: FloatArray,
+    vertices: TableArray,
+    stars: TableArray,
+    block: Block,
+    relaxation: float,
+    terms: Terms,
+    held: FloatArray,
+    shapes: RowArrays,
+    sizes: RowArrays,
+    shape_walls: WallArrays,
+    corner_walls: WallArrays,
+    maps: RowArrays,
+    star_xy: FloatArray,
+    mapped: FloatArray,
+    s: FloatArray,
+    own: FloatArray,
+    rails: Rails,
+    lengths: FloatArray,
+) -> None:
+    what = Asked(shapes, sizes, shape_walls, corner_walls, maps)
+    gather_block(xy, vertices, stars, block, star_xy, s, lengths)
+    gather_held(vertices, block.first, block.size, held, s)
+    add_stars(star_xy, s, block, what, terms, mapped, own)
+    left = newton_step(s, block.size)
+    on_rails = confined(rails)
+    if on_rails:
+        left = steps_on_rails(s, vertices, block.first, block.size, rails)
+    everyone = (block.size - block.size, block.size)  # of one type
     fraction = relaxation
     for attempt in range(len(FRACTIONS) + 1):
         if left == 0.0:
             break
         start_trial(s, everyone, fraction)
-        for k in range(quads + triangles):
-            at, k_row = min(k, quads) * ROW2 + k * ROW4, row + k * n
-            map_trial(s, everyone, maps, k_row, own)
-            if k < quads:
-                try_walled_quad(
-                    mapped, own, at, everyone, shapes, k_row, shape_walls, k_row, shape_terms
-                )
-                try_walled_quad(star_xy, s, at, everyone, none, at_none, corner_walls, k_row, terms)
-                for j in range(N_SEEN):
-                    a, c = at + SEEN[j][0], at + SEEN[j][1]
-                    try_size(star_xy, s, a, c, everyone, sizes, k_row, weight)
-                if held.shape[1] > 3:
-                    hold_quad(star_xy, s, at, everyone)
-            else:
-                try_walled_triangle(
-                    mapped, own, at, everyone, shapes, k_row, shape_walls, k_row, shape_terms
-                )
-                try_walled_triangle(
-                    star_xy, s, at, everyone, none, at_none, corner_walls, k_row, terms
-                )
-                try_size(star_xy, s, at, at + ROW2, everyone, sizes, k_row, weight)
-                if held.shape[1] > 3:
-                    hold_triangle(star_xy, s, at, everyone)
-            for i in range(n):
-                s[TRIAL + i] += own[TRIAL + i]
+        if on_rails:
+            confine_lanes(s, PX, PY, everyone, vertices, block.first, rails)
+        try_stars(star_xy, s, block, what, terms, held.shape[1] > 3, mapped, own)
         left = store_better(xy, vertices, block, everyone, s, lengths)
         fraction = FRACTIONS[min(attempt, len(FRACTIONS) - 1)]
 
@@ -226,7 +306,8 @@ def mapped_sweep(
         As in `newton_sweep.newton_sweep`.
     """
     terms = Terms(wall.mean_weight, 1.0 / wall.threshold, wall.squarings, 2.0**wall.squarings)
-    colour_blocks, table, vertices, stars, _, largest = blocks
+    colour_blocks, table, vertices, stars, _, largest, own = blocks
+    rails = Rails(*own)
     shapes, shape_walls = (rows.m11, rows.m12, rows.m22), (rows.slim, rows.near)
     sizes, own_maps = (rows.area, rows.inv_area, rows.size_weight), (maps.l11, maps.l12, maps.l22)
     corner_walls = np.zeros(rows.slim.size), rows.near
@@ -250,5 +331,6 @@ def mapped_sweep(
                 mapped,
                 np.empty(N_ROWS * LANES),
                 np.zeros(N_ROWS * LANES),
+                rails,
                 lengths,
             )

@@ -25,6 +25,7 @@ from numba import prange
 from qsmooth._types import FloatArray, TableArray
 from qsmooth.kernels._jit import helper, parallel_kernel
 from qsmooth.kernels.blocks import LANES, SHAPES, SIZES, WALLS, Block, Blocks, Rows, block_at
+from qsmooth.kernels.confining import confined
 from qsmooth.kernels.corner_energy import EQUILATERAL
 from qsmooth.kernels.lanes import (
     FRACTIONS,
@@ -35,16 +36,21 @@ from qsmooth.kernels.lanes import (
     MOST_RATIO,
     MOST_SHAPE,
     N_ROWS,
+    PX,
+    PY,
     ROW0,
     ROW2,
     ROW4,
     ROW6,
     TODO,
+    confine_lanes,
     gather_block,
     newton_step,
     start_trial,
+    steps_on_rails,
     store_better,
 )
+from qsmooth.kernels.rails import Rails
 from qsmooth.kernels.star_energy import (
     RowArrays,
     Terms,
@@ -130,6 +136,7 @@ def _move_block(
     star_xy: FloatArray,
     s: FloatArray,
     ideal: FloatArray,
+    rails: Rails,
     lengths: FloatArray,
 ) -> None:
     gather_block(xy, vertices, stars, block, star_xy, s, lengths)
@@ -163,6 +170,9 @@ def _move_block(
         if sized:
             add_size(star_xy, s, at, at + ROW2, n, sizes, k_row, terms.mean_weight)
     left = newton_step(s, n)
+    on_rails = confined(rails)
+    if on_rails:
+        left = steps_on_rails(s, vertices, block.first, n, rails)
     nobody = n - n  # zero of its type
     fraction = relaxation
     for attempt in range(len(FRACTIONS) + 1):
@@ -178,6 +188,8 @@ def _move_block(
             if alone and s[TODO + lanes[0]] == 0.0:
                 continue
             start_trial(s, lanes, fraction)
+            if on_rails:
+                confine_lanes(s, PX, PY, lanes, vertices, block.first, rails)
             for k in range(quads):
                 at, own, k_row = k * ROW6, first_shape + k * next_shape, row + k * n
                 if walled:
@@ -243,7 +255,8 @@ def newton_sweep(
     """
     # Not in a helper: a parallel loop has to see the class of a tuple that it takes.
     terms = Terms(wall.mean_weight, 1.0 / wall.threshold, wall.squarings, 2.0**wall.squarings)
-    colour_blocks, table, vertices, stars, _, largest = blocks
+    colour_blocks, table, vertices, stars, _, largest, own = blocks
+    rails = Rails(*own)
     asks, shapes = rows.asks, (rows.m11, rows.m12, rows.m22)
     sizes, walls = (rows.area, rows.inv_area, rows.size_weight), (rows.slim, rows.near)
     for colour in range(colours[0], colours[1]):
@@ -264,5 +277,6 @@ def newton_sweep(
                 star_xy,
                 scratch,
                 np.empty(3 * LANES),
+                rails,
                 lengths,
             )

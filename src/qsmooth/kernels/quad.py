@@ -12,6 +12,7 @@ from qsmooth.kernels.guards import guarded_moves
 from qsmooth.kernels.lanes import SX, SY, gather_stars
 from qsmooth.kernels.lone_guards import Guard
 from qsmooth.kernels.proposals import mean_proposals
+from qsmooth.kernels.rails import Rails
 from qsmooth.kernels.stars import Moves
 
 
@@ -33,7 +34,7 @@ def quad_proposals(
     wanted : (n_movable, 2)
         Overwritten. Displacement of each vertex, in the order of the blocks.
     """
-    _, table, vertices, stars, cells, largest = blocks
+    _, table, vertices, stars, cells, largest, _ = blocks
     for b in prange(table.shape[0]):
         s, star = np.empty(N_GUARD_ROWS * LANES), np.empty(6 * largest * LANES)
         lines = np.empty(ROWS_OF_LINES * largest * LANES)
@@ -67,7 +68,8 @@ def guarded_commit(
     xy, blocks, colours, good, moves
         As in `star.star_sweep`.
     """
-    colour_blocks, table, vertices, stars, _, largest = blocks
+    colour_blocks, table, vertices, stars, _, largest, own = blocks
+    rails = Rails(*own)
     lengths, shares = moves.lengths, moves.shares
     guard = Guard(good, True, False)
     for colour in range(colours[0], colours[1]):
@@ -80,4 +82,4 @@ def guarded_commit(
             for i in range(block.size):
                 s[SX + i] = wanted[block.first + i, 0]
                 s[SY + i] = wanted[block.first + i, 1]
-            guarded_moves(xy, vertices, block, guard, star, s, lines, lengths, shares)
+            guarded_moves(xy, vertices, block, guard, star, s, lines, rails, lengths, shares)

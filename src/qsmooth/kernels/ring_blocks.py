@@ -7,6 +7,7 @@ import numpy as np
 from qsmooth._types import BlockArray, TableArray
 from qsmooth.kernels._jit import kernel
 from qsmooth.kernels.blocks import LANES
+from qsmooth.kernels.rails import Rails
 from qsmooth.kernels.stars import Rings
 
 # Vertices are grouped by their neighbours within stretches of so many ids: the coordinates of a
@@ -28,16 +29,21 @@ class RingBlocks(NamedTuple):
         The vertices in the order of the blocks.
     neighbours : (n_entries,)
         For each vertex of a block a row of its neighbours.
+    rails
+        Where the vertices may be.
     """
 
     table: BlockArray
     vertices: TableArray
     neighbours: TableArray
+    rails: Rails
 
 
 @kernel()
 def build_ring_blocks(movable: TableArray, rings: Rings) -> Any:
     """Put vertices into blocks, by stretches of ids, then by their neighbours, then by id.
+
+    They may be anywhere.
 
     Parameters
     ----------
@@ -86,4 +92,5 @@ def build_ring_blocks(movable: TableArray, rings: Rings) -> Any:
                         entry += 1
                 i += count
         first = last
-    return RingBlocks(table[:n_blocks].copy(), vertices, neighbours)
+    free = Rails(np.empty((0, 2)), np.empty(0), np.empty((0, 2)))
+    return RingBlocks(table[:n_blocks].copy(), vertices, neighbours, free)

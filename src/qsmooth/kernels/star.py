@@ -12,6 +12,7 @@ from qsmooth.kernels.guards import guarded_moves
 from qsmooth.kernels.lanes import gather_stars
 from qsmooth.kernels.lone_guards import Guard
 from qsmooth.kernels.proposals import mean_proposals
+from qsmooth.kernels.rails import Rails
 from qsmooth.kernels.stars import Moves
 
 
@@ -47,7 +48,8 @@ def star_sweep(
     moves
         Overwritten for the vertices of these colours, in the order of the blocks.
     """
-    colour_blocks, table, vertices, stars, cells, largest = blocks
+    colour_blocks, table, vertices, stars, cells, largest, own = blocks
+    rails = Rails(*own)
     lengths, shares = moves.lengths, moves.shares
     # The mean of places that each keep the clearance keeps it too.
     guard = Guard(good, False, False)
@@ -59,4 +61,4 @@ def star_sweep(
             gather_stars(xy, vertices, stars, block, star, s)
             guard_lines(star, s, block, lines)
             mean_proposals(star, s, lines, block, cells, pace, thresholds, step, False)
-            guarded_moves(xy, vertices, block, guard, star, s, lines, lengths, shares)
+            guarded_moves(xy, vertices, block, guard, star, s, lines, rails, lengths, shares)

@@ -9,7 +9,9 @@ from numba import prange
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray
 from qsmooth.kernels._jit import helper, kernel, parallel_kernel
+from qsmooth.kernels.confining import confine, confined
 from qsmooth.kernels.geometry import orientation
+from qsmooth.kernels.rails import Rails
 
 # Corners of a polygon that is clipped by the three lines of each cell of a star.
 N_LINES = 3
@@ -195,7 +197,7 @@ def _area(polygon: FloatArray, n: int) -> float:
 @kernel()
 def mend_more(
     xy: FloatArray, topology: tuple[IndexArray, IndexArray, IndexArray, IndexArray, IndexArray],
-    closed: BoolArray, listed: IndexArray, lengths: FloatArray,
+    closed: BoolArray, listed: IndexArray, rails: Rails, lengths: FloatArray,
 ) -> None:  # fmt: skip
     """Move each listed vertex, one after the other, to a place where more of its cells are good.
 
@@ -212,6 +214,8 @@ def mend_more(
         Corners that do not count.
     listed, lengths : (n_listed,)
         Vertices; and how far each moved, overwritten.
+    rails
+        Where they may be.
     """
     star_offsets, star_cells, star_corners, offsets, vertices = topology
     largest = 0
@@ -269,6 +273,8 @@ def mend_more(
             if count > most or (count == most and area > widest):
                 most, widest = count, area
                 place[0], place[1] = polygon[:corners, 0].mean(), polygon[:corners, 1].mean()
+        if confined(rails):
+            place[0], place[1] = confine(v, place[0], place[1], rails)
         xy[v, 0], xy[v, 1] = place[0], place[1]
         now = 0
         for k in range(first, last):

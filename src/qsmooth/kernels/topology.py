@@ -175,10 +175,16 @@ def edge_twins(
     """
     twins = np.full(cell_vertices.size, -1, np.int64)
     scratch = np.full((2, star_offsets.size - 1), -1, np.int64)
-    n_bad, first_bad = _fill_twins(
-        cell_offsets, cell_vertices, star_offsets, star_cells, star_corners, scratch, twins
-    )
+    given = cell_offsets, cell_vertices, star_offsets, star_cells, star_corners
+    n_bad, first_bad = _fill_twins(*map(_read_only, given), scratch, twins)
     return twins, n_bad, first_bad
+
+
+def _read_only(array: IndexArray) -> IndexArray:
+    """View an array read-only: kernels are compiled once for these and once for others."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
 
 
 @kernel()

@@ -16,6 +16,7 @@ from numba import prange
 from qsmooth._types import BoolArray, FloatArray, IndexArray, TableArray
 from qsmooth.kernels._jit import helper, kernel, lane_helper, parallel_kernel
 from qsmooth.kernels.blocks import LANES, Block, Blocks, block_at
+from qsmooth.kernels.confining import confined
 from qsmooth.kernels.corner_energy import (
     Linear,
     determinant,
@@ -42,11 +43,14 @@ from qsmooth.kernels.lanes import (
     X,
     Y,
     add_energy,
+    confine_lanes,
     gather_block,
     newton_step,
     start_trial,
+    steps_on_rails,
     store_better,
 )  # fmt: skip
+from qsmooth.kernels.rails import Rails
 
 # Row of scratch: the vertex's ε r.
 SOFT = OWN
@@ -128,6 +132,35 @@ def try_triangle(star: FloatArray, s: FloatArray, k: int, n: int) -> None:
 
 
 @helper()
+def add_regularised(
+    star_xy: FloatArray,
+    s: FloatArray,
+    vertices: TableArray,
+    block: Block,
+    sizes: FloatArray,
+    epsilon: float,
+) -> None:
+    """Add up the regularised energy of each star of a block, and its derivatives."""
+    n, quads = block.size, block.n_quads
+    for i in range(n):
+        s[SOFT + i] = epsilon * sizes[vertices[block.first + i]]
+    for k in range(quads):
+        add_quad(star_xy, s, k * ROW6, n)
+    for k in range(block.n_triangles):
+        add_triangle(star_xy, s, quads * ROW6 + k * ROW4, n)
+
+
+@helper()
+def try_regularised(star_xy: FloatArray, s: FloatArray, block: Block) -> None:
+    """Add up the regularised energy of each star of a block at the trial places."""
+    n, quads = block.size, block.n_quads
+    for k in range(quads):
+        try_quad(star_xy, s, k * ROW6, n)
+    for k in range(block.n_triangles):
+        try_triangle(star_xy, s, quads * ROW6 + k * ROW4, n)
+
+
+@helper()
 def _move_block(
     xy: FloatArray,
     vertices: TableArray,
@@ -138,28 +171,25 @@ def _move_block(
     epsilon: float,
     star_xy: FloatArray,
     s: FloatArray,
+    rails: Rails,
     lengths: FloatArray,
 ) -> None:
     gather_block(xy, vertices, stars, block, star_xy, s, lengths)
-    n, quads, triangles = block.size, block.n_quads, block.n_triangles
-    for i in range(n):
-        s[SOFT + i] = epsilon * sizes[vertices[block.first + i]]
-    triangle_rows = quads * ROW6
-    for k in range(quads):
-        add_quad(star_xy, s, k * ROW6, n)
-    for k in range(triangles):
-        add_triangle(star_xy, s, triangle_rows + k * ROW4, n)
+    n = block.size
+    add_regularised(star_xy, s, vertices, block, sizes, epsilon)
     left = newton_step(s, n)
+    on_rails = confined(rails)
+    if on_rails:
+        left = steps_on_rails(s, vertices, block.first, n, rails)
     everyone = (n - n, n)  # of one type
     fraction = relaxation
     for attempt in range(len(FRACTIONS) + 1):
         if left == 0.0:
             break
         start_trial(s, everyone, fraction)
-        for k in range(quads):
-            try_quad(star_xy, s, k * ROW6, n)
-        for k in range(triangles):
-            try_triangle(star_xy, s, triangle_rows + k * ROW4, n)
+        if on_rails:
+            confine_lanes(s, PX, PY, everyone, vertices, block.first, rails)
+        try_regularised(star_xy, s, block)
         # No margin is asked for: the mesh need not be valid.
         left = store_better(xy, vertices, block, everyone, s, lengths)
         fraction = FRACTIONS[min(attempt, len(FRACTIONS) - 1)]
@@ -186,7 +216,8 @@ def untangle_sweep(
     xy, blocks, colours, relaxation, lengths
         As in `newton_sweep.newton_sweep`; the mesh need not be valid.
     """
-    colour_blocks, table, vertices, stars, _, largest = blocks
+    colour_blocks, table, vertices, stars, _, largest, own = blocks
+    rails = Rails(*own)
     for colour in range(colours[0], colours[1]):
         for b in prange(colour_blocks[colour], colour_blocks[colour + 1]):
             scratch, star_xy = np.empty(N_ROWS * LANES), np.empty(6 * largest * LANES)
@@ -200,6 +231,7 @@ def untangle_sweep(
                 epsilon,
                 star_xy,
                 scratch,
+                rails,
                 lengths,
             )
 

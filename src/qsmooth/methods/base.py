@@ -6,18 +6,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar, TypeAlias
 
-from qsmooth._types import BoolArray
+from qsmooth.carrying import Carry, carried, parse_names, require_data
+from qsmooth.constraints import Constraints
 from qsmooth.mesh import Mesh
-from qsmooth.options import OptionError, Options, opaque, option
+from qsmooth.options import OptionError, opaque, option
 from qsmooth.result import SmoothResult, SweepRecord
-from qsmooth.selection import parse_selection, select_cells, vertices_of
 
-Callback: TypeAlias = Callable[[SweepRecord], None]
+Callback: TypeAlias = Callable[[SweepRecord], object]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Method(Options):
-    """A smoothing method and its options; these are what all methods have.
+class Method(Constraints):
+    """A smoothing method and its options; these, and `Constraints`, are what all methods have.
 
     A derived class sets the class attributes and `run`; its docstring says how it works and where
     it comes from. Called with one it is `qsmooth.smooth` that smooths.
@@ -55,35 +55,35 @@ class Method(Options):
         help="Time after which it stops with the best so far, compiling left out; results then "
         "depend on the machine.",
     )
-    selection: Any = opaque(
-        None,
-        metavar="CELLS",
-        parse=parse_selection,
-        help="Cells whose vertices may move: ids, as in 3,7,12 (in Python also a mask), or a "
-        "threshold on a metric, as in 'max_angle > 150'.",
-    )
-    selection_rings: int = option(
-        0, within="[0, inf)", help="How often the selection grows by the cells that touch it."
-    )
-    keep_interfaces: bool = option(
-        True, help="Whether vertices on lines between regions, and on line cells, stay."
-    )
     threads: int | None = option(
         None,
         within="[1, inf)",
         default_words="by size",
         help="How many threads; the result does not depend on it.",
     )
+    carry: Carry = option(
+        "interpolate",
+        help="What becomes of z on a flat mesh: interpolate, it is found anew in the input mesh, "
+        "where each vertex has come to; keep, it is carried along.",
+    )
+    interpolate: Any = option(
+        (),
+        metavar="NAMES",
+        default_words="none",
+        parse=parse_names,
+        help="Point data of the file to interpolate in the same way, floats only, with commas "
+        "between (in Python also a list); all other data stays with its vertices.",
+    )
     callback: Callback | None = opaque(
         None,
         flag=None,
-        help="Called after each sweep, of optimize each round of ten, with its `SweepRecord`.",
+        help="Called after each sweep, of optimize each round of ten, with its `SweepRecord`; True "
+        "stops with the best so far. What it raises gets through, with that as its `result`.",
     )
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if isinstance(self.selection, str):
-            parse_selection(self.selection)
+        object.__setattr__(self, "interpolate", parse_names(self.interpolate))
         if self.callback is not None and not callable(self.callback):
             raise OptionError(f"`callback` must be callable, got {self.callback!r}")
 
@@ -104,13 +104,15 @@ class Method(Options):
         """
         return ""
 
-    def run(self, mesh: Mesh, chosen: str = "") -> SmoothResult:
-        """Smooth a mesh; `chosen` says why this method was taken, for the outcome."""
-        raise NotImplementedError
+    def smooth(self, mesh: Mesh, chosen: str = "", *known: Any) -> SmoothResult:
+        """Smooth a mesh, and see to the values that belong to its places.
 
-    def selected(self, mesh: Mesh) -> tuple[BoolArray | None, BoolArray | None]:
-        """Vertices that may move by the selection, and the selected cells; None where all are."""
-        if self.selection is None:
-            return None, None
-        cells = select_cells(mesh, self.selection, self.selection_rings)
-        return vertices_of(mesh, cells), cells
+        `chosen` says why this method was taken, for the outcome; `known` is for `run`.
+        """
+        require_data(mesh, self.interpolate)
+        result = self.run(mesh, chosen, *known)
+        return carried(mesh, result, self.carry, self.interpolate, self.threads)
+
+    def run(self, mesh: Mesh, chosen: str = "") -> SmoothResult:
+        """Move the vertices; for derived classes, and called by `smooth`."""
+        raise NotImplementedError

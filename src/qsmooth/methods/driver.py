@@ -11,16 +11,20 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 import numpy as np
 
 from qsmooth._types import BoolArray, FloatArray
+from qsmooth.constraints import Freedom
 from qsmooth.engine import Colours, Engine, threads_for
 from qsmooth.kernels.compiling import clock
+from qsmooth.kernels.rails import FREE, Rails
 from qsmooth.kernels.stars import Moves, Stars
 from qsmooth.mesh import Mesh
 from qsmooth.methods.base import Method
+from qsmooth.methods.watching import Watch
 from qsmooth.metrics import Quality, Validity, quality
 from qsmooth.numbering import Inside
 from qsmooth.options import OptionError, option
 from qsmooth.outcome import Aim, Cut, Invalid, Outcome, Stage, Stop
 from qsmooth.result import History, SmoothResult, SweepRecord
+from qsmooth.sliding import Slides, slid, slider_of
 from qsmooth.split import Diagonal, split_quads
 from qsmooth.topology import Topology
 
@@ -60,7 +64,7 @@ class Sweep:
     prepare: Callable[[FloatArray], None] = _nothing
 
 
-@dataclass(frozen=True)
+@dataclass
 class Setting:
     """What the driver found out before the first sweep.
 
@@ -69,11 +73,16 @@ class Setting:
     topology, stars
         Of the mesh that is swept: with its quads cut in two, if that is asked for.
     good
-        Scaled Jacobian down to which a cell may get worse; NaN without the ``"quality"`` guard.
+        Scaled Jacobian down to which a cell may get worse; NaN without the ``"quality"`` guard. A
+        session sets it anew for each step.
     selected : (n_cells,) or None
         Cells that take part; None for all.
     aim
         Which group of cells proposes moves.
+    rails
+        Where the vertices may be.
+    slides
+        Sweeps over the vertices that slide; None where none does.
     """
 
     topology: Topology
@@ -81,11 +90,13 @@ class Setting:
     good: float
     selected: BoolArray | None
     aim: Aim = Aim.ALL_CELLS
+    rails: Rails = FREE
+    slides: Slides | None = None
 
     @cached_property
     def blocks(self) -> Blocks:
-        """The movable vertices in blocks of lanes."""
-        return self.topology.blocks(self.stars)
+        """The movable vertices in blocks of lanes; of a session, those that are awake."""
+        return self.topology.blocks(self.stars)._replace(rails=self.rails)
 
     @property
     def n_colours(self) -> int:
@@ -129,37 +140,42 @@ class SweepingMethod(Method):
 
     def run(self, mesh: Mesh, chosen: str = "") -> SmoothResult:
         """Sweep until every vertex rests, quality no longer improves, or no more is allowed."""
+        watch = Watch(self)
         inside = Inside(mesh, kept=not self.max_sweeps)
         before = inside.quality(mesh)
-        cut = self._cut(mesh)
+        freedom, cut = self.freedom(mesh), self.cut(mesh)
         swept = inside if cut is mesh else Inside(cut, inside, kept=not self.max_sweeps)
-        only, selected = self.selected(mesh)
+        selected = freedom.cells
         if selected is not None and cut is not mesh:
             selected = np.repeat(selected, mesh.topology.cell_sizes - 2)
-        topology, only = swept.topology, inside.chosen_vertices(only)
-        run = _Run(self, inside.topology, inside.at_vertices(mesh.xy), before)
-        movable = topology.movable(self.keep_interfaces)
-        n_movable = int((movable if only is None else movable & only).sum())
-        engine = threads_for(self.threads, n_movable) if n_movable else None
+        topology = swept.topology
+        run = _Run(self, inside.topology, inside.at_vertices(mesh.xy), before, watch)
+        engine = threads_for(self.threads, freedom.n_movable) if freedom.n_movable else None
         if engine is not None and self.max_sweeps:
-            stars = topology.schedule(self.keep_interfaces, only)
-            good = self._good(swept.quality(cut) if cut is not mesh else before)
-            setting = Setting(topology, stars, good, swept.chosen_cells(selected))
+            free = freedom.inside(inside)
+            slider = slider_of(free, cut, swept)
+            stars = topology.schedule_of(free.movable if slider is None else slider.others(free))
+            good = worst = math.nan
+            if self.quality_guard:
+                measured = swept.quality(cut) if cut is not mesh else before
+                worst = float(measured.scaled_jacobian.min())
+                good = self.good(worst)
+            cells = swept.chosen_cells(selected)
+            slides = None if slider is None else Slides(slider, worst)
+            setting = Setting(topology, stars, good, cells, rails=free.rails(), slides=slides)
             with engine.running():
                 for aim, n_sweeps in self.stages():
                     run.stage(replace(setting, aim=aim), engine, n_sweeps)
         elif engine is not None:
             run.stop = Stop.MAX_SWEEPS
         xy = inside.back(run.xy)
-        if not self.guards:
-            result = mesh.with_xy(xy, moved(mesh, xy))
-        elif cut is mesh:
-            result = stored(mesh, xy)
+        if cut is mesh or not self.guards:
+            result = stored(mesh, xy, freedom, guarded=self.guards)
         else:
-            points = stored(cut, xy).points
+            points = stored(cut, xy, freedom).points
             result = mesh if points is mesh.points else mesh.with_points(points)
         after = before if result is mesh else inside.quality(result)
-        return SmoothResult(
+        summed_up = SmoothResult(
             mesh=result,
             outcome=run.outcome(
                 method=self.name,
@@ -167,6 +183,7 @@ class SweepingMethod(Method):
                 guarded=self.guards,
                 selected=self.selection is not None,
                 unchanged=result is mesh or np.array_equal(result.points, mesh.points),
+                sliding=slid(freedom, mesh, result),
                 invalid=invalid_cells(before, after),
                 cut=None
                 if cut is mesh
@@ -181,8 +198,9 @@ class SweepingMethod(Method):
             quality_after=after,
             seconds=run.seconds,
         )
+        return watch.give_back(summed_up)
 
-    def _cut(self, mesh: Mesh) -> Mesh:
+    def cut(self, mesh: Mesh) -> Mesh:
         """Return the mesh that is swept: with its quads cut in two, if that is asked for."""
         if self.split_quads is not False and (mesh.topology.cell_sizes == 4).any():
             return split_quads(mesh, self.diagonal)
@@ -190,11 +208,12 @@ class SweepingMethod(Method):
             raise OptionError(reason)
         return mesh
 
-    def _good(self, swept: Quality) -> float:
-        """Scaled Jacobian down to which a cell may get worse; NaN without that guard."""
-        if not self.quality_guard:
-            return math.nan
-        return max(GOOD_SCALED_JACOBIAN, float(swept.scaled_jacobian.min()))
+    def good(self, worst: float) -> float:
+        """Scaled Jacobian down to which a cell may get worse, of a mesh whose smallest is `worst`.
+
+        NaN without that guard.
+        """
+        return max(GOOD_SCALED_JACOBIAN, worst) if self.quality_guard else math.nan
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -217,9 +236,14 @@ class _Run:
     """The sweeps of one call: coordinates, history, clock, and why they stopped."""
 
     def __init__(
-        self, method: SweepingMethod, topology: Topology, xy: FloatArray, before: Quality
+        self,
+        method: SweepingMethod,
+        topology: Topology,
+        xy: FloatArray,
+        before: Quality,
+        watch: Watch,
     ) -> None:
-        self.method, self.topology, self.xy = method, topology, xy
+        self.method, self.topology, self.xy, self.watch = method, topology, xy, watch
         self.history: list[SweepRecord] = []
         self.stages: list[Stage] = []
         self.seconds = 0.0
@@ -228,10 +252,12 @@ class _Run:
 
     def stage(self, setting: Setting, engine: Engine, n_sweeps: int) -> None:
         """Sweep so often at most."""
-        if self.stop is Stop.TIME_LIMIT:
+        if self.stop in (Stop.TIME_LIMIT, Stop.CALLBACK):
             return
-        n_movable = setting.stars.vertices.size
-        moves = Moves(np.zeros(n_movable), np.zeros(n_movable))
+        n_free, slides = setting.stars.vertices.size, setting.slides
+        n_movable = n_free + (0 if slides is None else slides.slider.vertices.size)
+        every = Moves(np.zeros(n_movable), np.zeros(n_movable))
+        moves = Moves(every.lengths[:n_free], every.shares[:n_free])
         sweep = self.method.start(setting)
         first, seconds = len(self.history), self.seconds
         self.stop = None
@@ -239,10 +265,11 @@ class _Run:
             started = clock()
             sweep.prepare(self.xy)
             engine.run(lambda colours: sweep.move(self.xy, colours, moves), sweep.n_colours)
+            if slides is not None:
+                slides.sweep(self.xy, every.lengths[n_free:], every.shares[n_free:])
             self.seconds += clock() - started
-            self.history.append(record(Quality(self.topology, self.xy), *moves))
-            if self.method.callback is not None:
-                self.method.callback(self.history[-1])
+            self.history.append(record(Quality(self.topology, self.xy), *every))
+            self.watch.tell(self.history[-1])
             self.stop = self._why_stop(self.history[first:])
         past = self.history[first - 1] if first else self._start
         self.stages.append(
@@ -255,9 +282,8 @@ class _Run:
         )
 
     def _why_stop(self, records: list[SweepRecord]) -> Stop | None:
-        allowed = self.method.time_limit
-        if allowed is not None and self.seconds >= allowed:
-            return Stop.TIME_LIMIT
+        if (cut_short := self.watch.stop()) is not None:
+            return cut_short
         if self.method.rtol == 0.0:
             return None
         if records[-1].largest_share <= self.method.rtol:
@@ -330,22 +356,31 @@ def moved(mesh: Mesh, xy: FloatArray) -> BoolArray:
     return marked
 
 
-def stored(mesh: Mesh, xy: FloatArray) -> Mesh:
-    """Give the mesh its new coordinates, certified as they are stored.
+def stored(
+    mesh: Mesh, xy: FloatArray, freedom: Freedom | None = None, *, guarded: bool = True
+) -> Mesh:
+    """Give the mesh its new coordinates, certified as they are stored, unless it is not guarded.
 
     In x and y what was certified is what is stored. Points of a tilted plane are rounded once
-    more: where that costs a corner, by a hair, the cell's vertices go back to where they were.
+    more: where that costs a corner, by a hair, the cell's vertices go back to where they were, and
+    so do those that it takes beyond their reach.
     """
     marked = moved(mesh, xy)
     result = mesh.with_xy(xy, marked)
     if mesh.plane is None or result is mesh:
         return result
-    was_valid = quality(mesh).validity == Validity.VALID
+    was_valid = np.zeros(mesh.n_cells, np.bool_)
+    if guarded:
+        was_valid = quality(mesh).validity == Validity.VALID
     while True:
         lost = was_valid & (quality(result).validity != Validity.VALID)
-        if not lost.any():
+        beyond = np.zeros_like(marked)
+        if freedom is not None:
+            beyond = marked & freedom.beyond(result.points - mesh.points)
+        if not (lost.any() or beyond.any()):
             return result
         marked[mesh.cell_vertices[np.repeat(lost, mesh.topology.cell_sizes)]] = False
+        marked &= ~beyond
         result = mesh.with_xy(xy, marked)
 
 

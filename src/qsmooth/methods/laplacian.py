@@ -62,6 +62,7 @@ class Laplacian(SweepingMethod):
 
         movable = np.sort(setting.stars.vertices)
         blocks = build_ring_blocks(movable, Rings(*setting.topology.rings))
+        blocks = blocks._replace(rails=setting.rails)
 
         def to_means(xy: FloatArray, _: Colours, moves: Moves) -> None:
             laplacian_sweep(previous, blocks, xy, moves)

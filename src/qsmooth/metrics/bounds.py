@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from qsmooth._types import BoolArray, FloatArray
 from qsmooth.adapters import to_mesh
 from qsmooth.metrics.quality import Quality, quality
 from qsmooth.topology import Topology
+
+if TYPE_CHECKING:
+    from qsmooth.kernels.angle_bounds import Swings
+
+FULL_TURN = 360.0
+# What keeps vertices where they are: words for these, and a mask, (n_vertices,).
+Kept: TypeAlias = tuple[str, BoolArray]
+# What is said where a limit is that of sliding vertices.
+BY_SLIDING = "the boundary that vertices slide along"
 
 
 @dataclass(frozen=True)
@@ -29,6 +40,10 @@ class Limits:
         The vertex that sets the limit; -1 where the angle sum of a cell does.
     reached_min_angle, reached_max_angle
         The mesh's own smallest and largest angle, degrees.
+    min_angle_set_by, max_angle_set_by
+        Which vertices set the limit by staying where they are, in words, as in "fixed boundary
+        vertices"; of several the first without which it would be another, what the mesh itself
+        keeps first. "" where none does: the count of cells around a vertex, or the angle sum.
     """
 
     min_angle: float
@@ -37,6 +52,8 @@ class Limits:
     max_angle_vertex: int
     reached_min_angle: float
     reached_max_angle: float
+    min_angle_set_by: str = ""
+    max_angle_set_by: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers, fit for JSON."""
@@ -46,14 +63,18 @@ class Limits:
         return "\n".join(
             [
                 f"smallest angle {self.reached_min_angle:.2f}°; no placement of this connectivity "
-                f"can exceed {self.min_angle:.2f}°{_set_at(self.min_angle_vertex)}",
+                f"can exceed {self.min_angle:.2f}°"
+                f"{_set_at(self.min_angle_vertex, self.min_angle_set_by)}",
                 f"largest angle {self.reached_max_angle:.2f}°; no placement of this connectivity "
-                f"can go below {self.max_angle:.2f}°{_set_at(self.max_angle_vertex)}",
+                f"can go below {self.max_angle:.2f}°"
+                f"{_set_at(self.max_angle_vertex, self.max_angle_set_by)}",
             ]
         )
 
 
-def limits(mesh: Any, *, keep_interfaces: bool = True) -> Limits:
+def limits(
+    mesh: Any, *, keep_interfaces: bool = True, movable: npt.ArrayLike | None = None
+) -> Limits:
     """Bound the smallest and the largest angle that any placement of the vertices can have.
 
     Parameters
@@ -62,6 +83,8 @@ def limits(mesh: Any, *, keep_interfaces: bool = True) -> Limits:
         A `Mesh`, a pair ``(points, cells)``, or a mesh of meshio.
     keep_interfaces
         Whether vertices on the line between two regions, or on line cells of the file, stay.
+    movable : (n_vertices,) bool
+        Vertices that may move, if these are others; boundary vertices may be among them.
 
     Returns
     -------
@@ -71,13 +94,45 @@ def limits(mesh: Any, *, keep_interfaces: bool = True) -> Limits:
     ------
     MeshError
         If a pair is no mesh.
+    ValueError
+        If `movable` is no such mask.
     """
     mesh = to_mesh(mesh)
-    movable = mesh.topology.movable(keep_interfaces)
-    return angle_limits(mesh.topology, mesh.xy, movable, quality(mesh))
+    topology = mesh.topology
+    kept = [*kept_by(topology, keep_interfaces)]
+    if movable is None:
+        free = topology.movable(keep_interfaces)
+    else:
+        free = np.asarray(movable)
+        if free.dtype != np.bool_ or free.shape != (mesh.n_vertices,):
+            raise ValueError(
+                f"movable must be booleans of the shape ({mesh.n_vertices},), "
+                f"got {free.dtype} of the shape {free.shape}"
+            )
+        free = free & topology.used
+        kept.append(("vertices that may not move", ~free))
+    return angle_limits(topology, mesh.xy, free, quality(mesh), kept)
 
 
-def angle_limits(topology: Topology, xy: FloatArray, movable: BoolArray, now: Quality) -> Limits:
+def kept_by(topology: Topology, keep_interfaces: bool) -> list[Kept]:
+    """List what the mesh itself keeps where it is."""
+    kept = [
+        ("fixed boundary vertices", topology.is_boundary),
+        ("fixed vertices of the mesh", topology.is_fixed),
+    ]
+    if keep_interfaces:
+        kept.append(("vertices between regions", topology.is_interface))
+    return kept
+
+
+def angle_limits(
+    topology: Topology,
+    xy: FloatArray,
+    movable: BoolArray,
+    now: Quality,
+    kept: Sequence[Kept] = (),
+    swings: Swings | None = None,
+) -> Limits:
     """Bound the smallest and the largest angle that the movable vertices can bring about.
 
     Parameters
@@ -88,6 +143,10 @@ def angle_limits(topology: Topology, xy: FloatArray, movable: BoolArray, now: Qu
         Vertices that may move, anywhere.
     now
         Metrics of the cells at these coordinates, in any order.
+    kept
+        What keeps the vertices that stay, in the order in which a limit is put down to it.
+    swings
+        What is known of those of them that slide along the boundary.
 
     Notes
     -----
@@ -95,26 +154,73 @@ def angle_limits(topology: Topology, xy: FloatArray, movable: BoolArray, now: Qu
     angle θ is given, and shared by the d cells there; round any other vertex it is 360°. In a
     valid mesh these angles add up to θ, so their mean is θ / d.
     """
-    from qsmooth.kernels.angle_bounds import angle_bounds
+    sizes = topology.cell_sizes
+    by_sum = 60.0 if (sizes == 3).any() else 90.0, 90.0 if (sizes == 4).any() else 60.0
+    smallest, largest = _bounds(topology, xy, movable, swings)
+    low = topology.first_vertex(smallest == smallest.min())
+    high = topology.first_vertex(largest == largest.max())
+    ends = float(smallest[low]), float(largest[high])
+    at_low, at_high = ends[0] < by_sum[0], ends[1] > by_sum[1]
+    args = topology, xy, movable, kept, swings
+    by_low = _set_by(*args, low, ends[0], 0) if at_low else ""
+    by_high = _set_by(*args, high, ends[1], 1) if at_high else ""
+    return Limits(
+        min_angle=min(by_sum[0], ends[0]),
+        max_angle=max(by_sum[1], ends[1]),
+        min_angle_vertex=int(topology.vertex_ids[low]) if at_low else -1,
+        max_angle_vertex=int(topology.vertex_ids[high]) if at_high else -1,
+        reached_min_angle=float(now.min_angle.min()),
+        reached_max_angle=float(now.max_angle.max()),
+        min_angle_set_by=by_low,
+        max_angle_set_by=by_high,
+    )
+
+
+def _bounds(
+    topology: Topology, xy: FloatArray, movable: BoolArray, swings: Swings | None
+) -> tuple[FloatArray, FloatArray]:
+    """Bound the smallest and the largest angle at each vertex, (n_vertices,)."""
+    from qsmooth.kernels.angle_bounds import NO_SWINGS, angle_bounds
 
     smallest, largest = np.empty(topology.n_vertices), np.empty(topology.n_vertices)
     angle_bounds(
         xy, *topology.cells, topology.corner_cells, topology.twins, topology.star_offsets,
-        topology.star_corners, movable, smallest, largest,
+        topology.star_corners, movable, swings or NO_SWINGS, smallest, largest,
     )  # fmt: skip
-    sizes = topology.cell_sizes
-    by_sum = 60.0 if (sizes == 3).any() else 90.0, 90.0 if (sizes == 4).any() else 60.0
-    low = topology.first_vertex(smallest == smallest.min())
-    high = topology.first_vertex(largest == largest.max())
-    return Limits(
-        min_angle=float(min(by_sum[0], smallest[low])),
-        max_angle=float(max(by_sum[1], largest[high])),
-        min_angle_vertex=int(topology.vertex_ids[low]) if smallest[low] < by_sum[0] else -1,
-        max_angle_vertex=int(topology.vertex_ids[high]) if largest[high] > by_sum[1] else -1,
-        reached_min_angle=float(now.min_angle.min()),
-        reached_max_angle=float(now.max_angle.max()),
-    )
+    return smallest, largest
 
 
-def _set_at(vertex: int) -> str:
-    return f"; set at vertex {vertex}" if vertex >= 0 else ", the mean angle of a cell"
+def _set_by(
+    topology: Topology,
+    xy: FloatArray,
+    movable: BoolArray,
+    kept: Sequence[Kept],
+    swings: Swings | None,
+    v: int,
+    bound: float,
+    which: int,
+) -> str:
+    """Say by which of `kept`, and those before it, the bound at vertex v is what it is.
+
+    Parameters
+    ----------
+    which
+        0 for the bound of the smallest angle, 1 for that of the largest.
+    """
+    free = np.ones_like(movable)
+    count = topology.star_offsets[v + 1] - topology.star_offsets[v]
+    if not topology.is_boundary[v] and bound == FULL_TURN / count:
+        return ""
+    if swings is not None and _bounds(topology, xy, free, swings)[which][v] == bound:
+        return BY_SLIDING
+    for words, vertices in kept:
+        free = (free & ~vertices) | movable
+        if np.array_equal(free, movable) or _bounds(topology, xy, free, swings)[which][v] == bound:
+            return words
+    return ""
+
+
+def _set_at(vertex: int, set_by: str) -> str:
+    if vertex < 0:
+        return ", the mean angle of a cell"
+    return f"; set at vertex {vertex}" + (f" by {set_by}" if set_by else "")

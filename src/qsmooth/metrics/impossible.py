@@ -60,6 +60,8 @@ def impossible(topology: Topology, xy: FloatArray, movable: BoolArray) -> Imposs
     """
     from qsmooth.kernels import impossible as kernels
 
+    if not xy.flags.writeable:
+        xy = xy.copy()  # kernels are compiled once more for arrays that are read-only
     by_fixed = np.empty(topology.n_cells, np.bool_)
     kernels.hopeless_cells(xy, *topology.cells, movable, by_fixed)
     doublets = doublet_vertices(topology)

@@ -40,18 +40,16 @@ class Caps:
 
     Attributes
     ----------
-    held : (n_vertices, 6)
-        For each vertex the caps of its region, as `newton_sweep` takes them.
     swept : (n_vertices, 3) or (n_vertices, 6)
-        The same, with no more columns than are held: what sweeps need not look at costs nothing.
+        For each vertex the caps of its region, as `newton_sweep` takes them, with no more columns
+        than are held: what sweeps need not look at costs nothing.
     lost : (n_cells,)
         Cells with a movable vertex that set no cap.
     """
 
     def __init__(self, topology: Topology, movable: BoolArray) -> None:
         self.topology, self._movable = topology, movable
-        self.held = np.tile(FREE, (topology.n_vertices, 1))
-        self.swept = self.held[:, :ALWAYS].copy()
+        self.swept = np.tile(FREE[:ALWAYS], (topology.n_vertices, 1))
         self.lost = np.zeros(topology.n_cells, np.bool_)
         self._strict: FloatArray | None = None
 
@@ -75,8 +73,15 @@ class Caps:
             if (name not in also) if name in HOLDABLE else not angles:
                 worst[:, k] = FREE[k]
         self._worst, self._strict = worst, with_slack(worst, 0.5)
-        self.held = with_slack(worst, 1.0)[of_vertices]
-        self.swept = self.held if also else self.held[:, :ALWAYS].copy()
+        n_columns = len(HELD) if also else ALWAYS
+        self.swept = np.ascontiguousarray(with_slack(worst, 1.0)[:, :n_columns])[of_vertices]
+
+    @property
+    def held(self) -> FloatArray:
+        """All caps of each vertex's region, as `newton_sweep` takes them, (n_vertices, 6)."""
+        if self._strict is None:
+            return np.tile(FREE, (self.topology.n_vertices, 1))
+        return np.asarray(with_slack(self._worst, 1.0)[self.regions[0]])
 
     @cached_property
     def regions(self) -> tuple[IndexArray, IndexArray]:

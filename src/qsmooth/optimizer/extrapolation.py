@@ -6,6 +6,7 @@ import numpy as np
 
 from qsmooth._types import FloatArray, IndexArray, TableArray
 from qsmooth.engine import Engine
+from qsmooth.kernels.rails import FREE, Rails
 
 # Added to the diagonal of the least squares problem, as a fraction of its trace.
 REGULARISATION = 1e-10
@@ -30,6 +31,8 @@ class Extrapolation:
         Sweeps of a round.
     engine
         Who runs the loops.
+    rails
+        Where the vertices may be.
 
     Notes
     -----
@@ -37,10 +40,12 @@ class Extrapolation:
     applications", SIAM (2017).
     """
 
-    def __init__(self, vertices: TableArray, n_sweeps: int, engine: Engine) -> None:
+    def __init__(
+        self, vertices: TableArray, n_sweeps: int, engine: Engine, rails: Rails = FREE
+    ) -> None:
         n = vertices.size
         # A copy: kernels are compiled once more for arrays that are read-only.
-        self._vertices, self._engine = vertices.copy(), engine
+        self._vertices, self._engine, self._rails = vertices.copy(), engine, rails
         self._moves = np.empty((n_sweeps, n, 2), np.float32)
         self._last, self._size, self._inv_size = np.empty((n, 2)), np.empty(n), np.empty(n)
         self._noted, self._wait, self._waits = 0, 0, 0
@@ -92,6 +97,10 @@ class Extrapolation:
         trial = xy.copy()
         args = trial, self._vertices, self._size, moves, weights
         self._engine.run(lambda _: add_moves(*args), 1)
+        if self._rails.origin.size:
+            from qsmooth.kernels.confining import confine_places
+
+            self._engine.run(lambda _: confine_places(trial, self._vertices, self._rails), 1)
         return trial
 
 

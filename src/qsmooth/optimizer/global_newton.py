@@ -8,6 +8,7 @@ import numpy as np
 
 from qsmooth._types import FloatArray
 from qsmooth.kernels.graphs import Graph
+from qsmooth.kernels.rails import FREE, Rails
 from qsmooth.kernels.stars import Stars
 from qsmooth.optimizer.caps import Caps
 from qsmooth.optimizer.multigrid import Multigrid
@@ -40,6 +41,8 @@ class GlobalNewton:
         Targets, as in `cell_energy.cell_energy`.
     caps
         What is held. Vertices of cells that it calls lost stay where they are.
+    rails
+        Where the vertices may be.
     """
 
     def __init__(
@@ -50,12 +53,13 @@ class GlobalNewton:
         sizes: FloatArray,
         maps: FloatArray,
         caps: Caps,
+        rails: Rails = FREE,
     ) -> None:
         from qsmooth.kernels.aggregation import UNNUMBERED, breadth_first
         from qsmooth.kernels.shape_hessian import block_pattern
 
         self.topology, self._targets = topology, (corners, sizes, maps)
-        self._forbidden = caps.forbidden
+        self._forbidden, self._rails = caps.forbidden, rails
         moving = stars.vertices.astype(np.int64)
         if caps.lost.any():
             lost = topology.cell_vertices[np.repeat(caps.lost, topology.cell_sizes)]
@@ -117,17 +121,40 @@ class GlobalNewton:
             xy / unit, *self.topology.cells, self._cells, self.unknown, *self._graph, corners,
             sizes * (unit**2, 1.0), maps, self._gradient, self._solver.values.reshape(-1, 2, 2),
         )  # fmt: skip
+        tangents = self._on_rails(xy, unit)
         self._solver.prepare()
-        return self._solver.solve(-self._gradient, TOLERANCE, MOST_ITERATIONS) * unit
+        steps = self._solver.solve(-self._gradient, TOLERANCE, MOST_ITERATIONS) * unit
+        if tangents is not None:
+            along = (steps * tangents).sum(axis=1, keepdims=True) * tangents
+            steps = np.where(tangents.any(axis=1, keepdims=True), along, steps)
+        return steps
+
+    def _on_rails(self, xy: FloatArray, unit: float) -> FloatArray | None:
+        """Leave the system only the tangents of vertices that may move along one, (n_unknown, 2).
+
+        None where all may move anywhere.
+        """
+        from qsmooth.kernels.confining import project_system
+
+        if not self._rails.origin.size:
+            return None
+        tangents, values = np.empty_like(self._gradient), self._solver.values.reshape(-1, 2, 2)
+        project_system(
+            xy, self.vertices, *self._graph, self._rails, unit, self._gradient, values, tangents
+        )
+        return tangents
 
     def _allowed(self, xy: FloatArray, direction: FloatArray, trial: FloatArray) -> bool:
         """Fill in the step, with vertices of forbidden cells put back; whether that was enough."""
+        from qsmooth.kernels.confining import confine_places
         from qsmooth.kernels.taper import taper
 
         topology, at = self.topology, self.vertices
         share, most = np.ones(topology.n_vertices), math.inf
         for _ in range(PUT_BACK):
             trial[at] = xy[at] + share[at, None] * direction
+            if self._rails.origin.size:
+                confine_places(trial, at.astype(np.uint32), self._rails)
             cells = self._forbidden(trial)
             count = int(cells.sum())
             if count == 0:

@@ -100,8 +100,10 @@ class Islands:
         last = np.inf if most_sweeps is None else progress.sweeps + most_sweeps
         active = self._best > 0
         before = progress.sweeps
-        ahead = Extrapolation(self._lanes.stars.vertices, ROUND, self._task.ground.engine)
-        size = np.sqrt(self._task.sizes[self._vertices])
+        ground = self._task.ground
+        free = self._lanes.stars.vertices
+        ahead = Extrapolation(free, ROUND, ground.engine, ground.rails)
+        size = np.sqrt(self._task.sizes[free])
         ahead.start(xy, size)
         while active.any() and progress.sweeps < last and not progress.spent():
             active &= self._has_patience()
@@ -130,7 +132,8 @@ class Islands:
         before = xy[self._vertices]
         xy[:] = trial
         self._determinants()
-        worse = self._worst < worst - MOST_LOST * np.abs(worst)
+        with np.errstate(invalid="ignore"):  # infinite where no corner counts
+            worse = self._worst < worst - MOST_LOST * np.abs(worst)
         if worse.any():
             back = worse[self._island_of_vertex]
             xy[self._vertices[back]] = before[back]
@@ -170,11 +173,11 @@ class Islands:
         ground = self._task.ground
         everything = int(vertices.sum()) == int(ground.movable.sum())
         self._lanes: Lanes = ground.lanes if everything else ground.lanes_of(vertices)
-        stars = self._lanes.stars
-        self._vertices = stars.vertices.astype(np.int64)
+        self._vertices = self._lanes.vertices
         self._island_of_vertex = self._labels[self._vertices]
-        cells, at = np.unique(stars.cells, return_index=True)
-        islands = np.repeat(self._island_of_vertex, np.diff(stars.offsets))[at]
+        counts, rows = rows_of(ground.topology.star_offsets, self._vertices)
+        cells, at = np.unique(ground.topology.star_cells[rows], return_index=True)
+        islands = np.repeat(self._island_of_vertex, counts)[at]
         order = np.argsort(islands, kind="stable")
         self._cells, self._island_of_cell = cells[order].astype(np.int64), islands[order]
         self._starts = np.searchsorted(self._island_of_cell, np.arange(self._floor.size))
@@ -241,3 +244,10 @@ class Islands:
         cells = task.ground.topology.cells
         bad_cells(task.xy, *cells, task.closed, self._cells, self._bad)
         return np.add.reduceat(self._bad, self._starts, dtype=np.int64)
+
+
+def rows_of(offsets: IndexArray, listed: IndexArray) -> tuple[IndexArray, IndexArray]:
+    """List the rows of a CSR map that belong to some entries; and how many each has."""
+    counts = offsets[listed + 1] - offsets[listed]
+    starts = np.cumsum(counts) - counts
+    return counts, np.repeat(offsets[listed] - starts, counts) + np.arange(counts.sum())

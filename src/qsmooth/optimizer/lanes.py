@@ -5,20 +5,23 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray
 from qsmooth.engine import Engine
+from qsmooth.kernels.rails import FREE as ANYWHERE
+from qsmooth.kernels.rails import Rails
 from qsmooth.kernels.stars import Moves, Rings, Stars
 from qsmooth.metrics import Quality
 from qsmooth.optimizer.caps import ALWAYS, FREE, Caps
 from qsmooth.optimizer.extrapolation import Extrapolation
 from qsmooth.optimizer.look import Look
 from qsmooth.optimizer.progress import ROUND, Progress
+from qsmooth.sliding import Asked, Slider
 from qsmooth.sums import exact_sum
-from qsmooth.targets import Targets, beside_others
+from qsmooth.targets import Targets, beside_others, ideal_corners
 from qsmooth.topology import Topology
 
 if TYPE_CHECKING:
@@ -37,6 +40,8 @@ LAYER_WEIGHT = 3.0
 # of the layer: at the trailing edge of an airfoil 1.9 times of it, and now 1.3. In triangles of
 # layers too: their smallest angle is their height over their length.
 BORDER_WEIGHT = 100.0
+# Stands for the corners of the rows where these ask for ideal shapes.
+NO_CORNERS = np.empty(0, np.int64)
 # Where an extrapolation is forbidden vertices are put back so often before it is given up.
 PUT_BACK = 12
 # Multiple of the Newton step that is tried first: neighbours follow the same way in their turn.
@@ -54,22 +59,53 @@ class Lanes:
         Of the mesh, and of the vertices that may move.
     engine
         Who runs the sweeps.
+    rails
+        Where the vertices may be.
+    slider
+        The vertices that slide; None where none does.
     """
 
-    def __init__(self, topology: Topology, stars: Stars, engine: Engine) -> None:
-        self.topology, self.stars, self._engine = topology, stars, engine
+    def __init__(
+        self,
+        topology: Topology,
+        stars: Stars,
+        engine: Engine,
+        rails: Rails = ANYWHERE,
+        slider: Slider | None = None,
+    ) -> None:
+        self.topology, self.stars, self._engine, self.rails = topology, stars, engine, rails
         self.movable = np.zeros(topology.n_vertices, np.bool_)
         self.movable[stars.vertices] = True
         self.n_colours = stars.colour_offsets.size - 1
-        n_movable = stars.vertices.size
-        self._moves = Moves(np.zeros(n_movable), np.zeros(n_movable))
-        self._shortest = np.empty(n_movable)
+        self._slider, n_free = slider, stars.vertices.size
+        n_movable = n_free
+        # What sliding vertices alone change is not judged: where the outline is bent its angles are
+        # as good as given, and would be the worst of all. Unless there is nothing else.
+        self._judged = self.movable
+        if slider is not None:
+            self.movable = self.movable | slider.mask
+            n_movable += slider.vertices.size
+            if not n_free:
+                self._judged = self.movable
+        self._every = Moves(np.zeros(n_movable), np.zeros(n_movable))
+        # Those that sweeps write, and those of sliding vertices.
+        self._moves = Moves(self._every.lengths[:n_free], self._every.shares[:n_free])
+        self._slides = Moves(self._every.lengths[n_free:], self._every.shares[n_free:])
+        self._shortest = np.empty(n_free)
         self._look: Look | None = None
+
+    @property
+    def vertices(self) -> IndexArray:
+        """Those that may move; those that slide come last, (n_movable,)."""
+        listed = self.stars.vertices.astype(np.int64)
+        if self._slider is None:
+            return listed
+        return np.concatenate([listed, np.flatnonzero(self._slider.mask)])
 
     @cached_property
     def _blocks(self) -> Blocks:
         """The vertices in blocks of lanes."""
-        return self.topology.blocks(self.stars)
+        return self.topology.blocks(self.stars)._replace(rails=self.rails)
 
     @cached_property
     def _rings(self) -> Rings:
@@ -79,24 +115,49 @@ class Lanes:
     @cached_property
     def _ahead(self) -> Extrapolation:
         """What sweeps towards the present targets lead to."""
-        return Extrapolation(self._blocks.vertices, ROUND, self._engine)
+        return Extrapolation(self._blocks.vertices, ROUND, self._engine, self.rails)
 
     @cached_property
     def _rows(self) -> Rows:
-        """What is asked of the cells around each vertex."""
-        from qsmooth.kernels.blocks import make_rows
+        """What is asked of the cells around each vertex; for `rows_for`."""
+        from qsmooth.kernels.blocks import SHAPES, SIZES, WALLS, make_rows
 
         size_weight, slim, weight = self._asked
         rows: Rows = make_rows(
             self._blocks,
-            self._row_corners,
+            NO_CORNERS if self._is_ideal else self._row_corners,
             self.targets.corners,
             self.targets.area,
             size_weight,
             slim,
             weight,
+            0 if self.targets.maps is None else SHAPES | SIZES | WALLS,
         )
         return rows
+
+    @cached_property
+    def _asked_of_slides(self) -> Asked:
+        """What is asked of the cells around each vertex that slides."""
+        size_weight, slim, weight = self._asked
+        targets, slider = self.targets, cast("Slider", self._slider)
+        return slider.ask(targets.corners, targets.area, size_weight, slim, weight, targets.maps)
+
+    def rows_for(self, wall: Wall) -> Rows:
+        """What is asked of the cells around each vertex, with all that sweeps with a wall read."""
+        rows, n_rows = self._rows, self._blocks.cells.size
+        if math.isfinite(wall.threshold):
+            if not rows.slim.size:
+                rows = rows._replace(slim=np.zeros(n_rows))
+            if not rows.near.size:
+                rows = rows._replace(near=np.ones(n_rows))
+            self._rows = rows
+        return rows
+
+    @cached_property
+    def _is_ideal(self) -> bool:
+        """Whether the present targets are squares and equilateral triangles."""
+        own = self.targets
+        return own.kind == "ideal" and np.array_equal(own.corners, ideal_corners(self.topology))
 
     def quality(self, xy: FloatArray) -> Quality:
         """Measure the mesh at these coordinates."""
@@ -127,7 +188,7 @@ class Lanes:
 
         Not where sizes count: there an extrapolation takes the heights of layers along.
         """
-        sweep = self._sweep(xy, wall, self.caps.swept, self._moves.lengths)
+        sweep = self.sweep(xy, wall, self.caps.swept, self._moves.lengths)
         n_sweeps = progress.next_round()
         may = extrapolate and n_sweeps == ROUND and not self.sized
         ahead = self._ahead if may and self._ahead.due() else None
@@ -135,11 +196,20 @@ class Lanes:
             ahead.start(xy, self.shortest_edges(xy))
         for _ in range(n_sweeps):
             self._engine.run(sweep, self.n_colours)
+            self._slide(xy, wall)
             progress.sweeps += 1
+            if progress.cut_short():
+                return
             if ahead is not None:
                 ahead.note(xy)
         if ahead is not None:
             ahead.judge(self._go(xy, ahead.extrapolated(xy), wall))
+
+    def _slide(self, xy: FloatArray, wall: Wall) -> None:
+        """Sweep over the vertices that slide."""
+        if self._slider is not None:
+            asked, lengths = self._asked_of_slides, self._slides.lengths
+            self._slider.sweep(xy, wall, self.caps.swept, asked, lengths)
 
     def _go(self, xy: FloatArray, trial: FloatArray | None, wall: Wall) -> bool:
         """Go to where the sweeps lead if that is allowed and better; say whether."""
@@ -195,23 +265,49 @@ class Lanes:
         shortest_edges(xy, *self._rings, self._blocks.vertices, self._shortest)
         return self._shortest
 
-    def _sweep(
-        self, xy: FloatArray, wall: Wall, held: FloatArray, lengths: FloatArray
+    @property
+    def tables(self) -> tuple[Blocks, IndexArray]:
+        """The blocks, and what each of them asks for (`Rows.asks`)."""
+        return self._blocks, self._rows.asks
+
+    @cached_property
+    def _row_maps(self) -> Any:
+        """The maps of the cells around each vertex."""
+        from qsmooth.kernels.mapped_sweep import Maps
+
+        return Maps(*self.maps[self._blocks.cells].T.copy())
+
+    def sweep(
+        self,
+        xy: FloatArray,
+        wall: Wall,
+        held: FloatArray,
+        lengths: FloatArray,
+        selected: tuple[Blocks, IndexArray] | None = None,
     ) -> Callable[[tuple[int, int]], None]:
-        """Give the sweep over some colours that fits the targets."""
-        rows = self._rows
+        """Give the sweep over some colours that fits the targets.
+
+        Only blocks that are `selected` are swept, where these and `Rows.asks` of them are given.
+        """
+        blocks, rows = self._blocks, self.rows_for(wall)
+        if selected is not None:
+            blocks, rows = selected[0], rows._replace(asks=selected[1])
         if self.targets.maps is None:
             from qsmooth.kernels.newton_sweep import newton_sweep
 
             return lambda colours: newton_sweep(
-                xy, self._blocks, colours, RELAXATION, wall, held, rows, lengths
+                xy, blocks, colours, RELAXATION, wall, held, rows, lengths
             )
-        from qsmooth.kernels.mapped_sweep import Maps, mapped_sweep
+        from qsmooth.kernels.mapped_sweep import mapped_sweep
 
-        maps = Maps(*self.maps[self._blocks.cells].T.copy())
+        maps = self._row_maps
         return lambda colours: mapped_sweep(
-            xy, self._blocks, colours, RELAXATION, wall, held, rows, maps, lengths
+            xy, blocks, colours, RELAXATION, wall, held, rows, maps, lengths
         )
+
+    def run(self, sweep: Callable[[tuple[int, int]], None]) -> None:
+        """Sweep once."""
+        self._engine.run(sweep, self.n_colours)
 
     def try_colour(
         self, xy: FloatArray, colour: int, wall: Wall, held: FloatArray
@@ -226,7 +322,7 @@ class Lanes:
         from qsmooth.kernels.blocks import FIRST
 
         lengths = np.empty(self._blocks.vertices.size)
-        sweep = self._sweep(xy, wall, held, lengths)
+        sweep = self.sweep(xy, wall, held, lengths)
         self._engine.run(lambda _: sweep((colour, colour + 1)), 1)
         first, last = (
             int(self._blocks.table[b, FIRST]) if b < len(self._blocks.table) else lengths.size
@@ -240,14 +336,15 @@ class Lanes:
 
         trial, held = xy.copy(), np.tile(FREE[:ALWAYS], (self.topology.n_vertices, 1))
         lengths, wall = np.empty_like(self._moves.lengths), Wall(1.0, np.inf, 1)
-        self._engine.run(self._sweep(trial, wall, held, lengths), self.n_colours)
+        self._engine.run(self.sweep(trial, wall, held, lengths), self.n_colours)
         before = exact_sum(self.energy(xy)[1])
         return 1.0 - exact_sum(self.energy(trial)[1]) / before
 
     def aim_at(self, targets: Targets) -> None:
         """Ask each cell for this shape and size from now on; takes walls on shape down."""
         self.targets, self._look = targets, None
-        self.__dict__.pop("_ahead", None)
+        for found in ("_ahead", "_row_maps", "_is_ideal"):
+            self.__dict__.pop(found, None)
         self.maps = np.empty((0, 3)) if targets.maps is None else targets.maps
         counts = targets.size_weight > 0.0
         inv_area = np.divide(1.0, targets.area, out=np.zeros(counts.size), where=counts)
@@ -285,6 +382,8 @@ class Lanes:
         worst = worst_around(worst, rings, *self.topology.cells, self.topology.n_vertices)
         self._near = 1.0 / worst
         self._rows = self._rows._replace(near=self._near[self._blocks.cells])
+        if self._slider is not None:
+            self._asked_of_slides = self._slider.near(self._asked_of_slides, self._near)
 
     def weigh_good(self, xy: FloatArray) -> None:
         """Let each cell's shape energy f count by 1 / f² at these coordinates.
@@ -302,11 +401,13 @@ class Lanes:
         weight = np.ones(slim.size) if weight is None else weight
         self._asked, self._near = (size_weight, slim, weight), np.ones(slim.size)
         self.__dict__.pop("_rows", None)
+        self.__dict__.pop("_asked_of_slides", None)
 
     def look(self, xy: FloatArray) -> Look:
         """Measure the cells at these coordinates; the last look is kept, and used again."""
         if self._look is None or not self._look.is_of(xy):
-            self._look = Look(self.topology, xy, self.movable, self.targets, self.sizes, self.maps)
+            self._look = None  # it is as large as the next one
+            self._look = Look(self.topology, xy, self._judged, self.targets, self.sizes, self.maps)
         return self._look
 
     def worst_shape(self, xy: FloatArray) -> FloatArray:
@@ -324,6 +425,8 @@ class Lanes:
             ),
             self.n_colours,
         )
+        if self._slider is not None:
+            self._slider.untangle(xy, sizes, epsilon, self._slides.lengths)
 
     def mend_more(self, xy: FloatArray, closed: BoolArray, progress: Progress) -> None:
         """Move each vertex to where more of its cells are good; closed corners don't count."""
@@ -331,10 +434,8 @@ class Lanes:
 
         topology, lengths = self.topology, self._moves.lengths
         stars = topology.star_offsets, topology.star_cells, topology.star_corners
-        listed = self._blocks.vertices.astype(np.int64)
-        self._engine.run(
-            lambda _: mend_more(xy, (*stars, *topology.cells), closed, listed, lengths), 1
-        )
+        tables, listed = (*stars, *topology.cells), self._blocks.vertices.astype(np.int64)
+        self._engine.run(lambda _: mend_more(xy, tables, closed, listed, self.rails, lengths), 1)
         progress.sweeps += 1
 
     def place_doublets(self, xy: FloatArray, progress: Progress) -> None:
@@ -343,8 +444,10 @@ class Lanes:
 
         topology, lengths = self.topology, self._moves.lengths
         stars = topology.star_offsets, topology.star_cells, topology.star_corners
-        listed = self._blocks.vertices.astype(np.int64)
-        self._engine.run(lambda _: place_doublets(xy, listed, *stars, *topology.cells, lengths), 1)
+        listed, rails = self._blocks.vertices.astype(np.int64), self.rails
+        self._engine.run(
+            lambda _: place_doublets(xy, listed, *stars, *topology.cells, rails, lengths), 1
+        )
         progress.sweeps += 1
 
     def report(self, xy: FloatArray, now: Quality, progress: Progress) -> None:
@@ -352,7 +455,9 @@ class Lanes:
         lengths, shares = self._moves
         shares[:] = 0.0
         np.divide(lengths, self.shortest_edges(xy), out=shares, where=lengths > 0.0)
-        progress.note(now, self._moves)
+        if self._slider is not None:
+            self._slider.shares(xy, *self._slides)
+        progress.note(now, self._every)
 
     def energy(self, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Largest badness and mean shape energy of each cell, (n_cells,).

@@ -32,11 +32,11 @@ def kept_from_better(lanes: Lanes, xy: FloatArray, wall: Wall) -> tuple[Held, ..
     wall
         The energy to go by.
     """
-    nothing = np.tile(FREE, (xy.shape[0], 1))
+    held, nothing = lanes.caps.held, np.tile(FREE, (xy.shape[0], 1))
     trial, found = xy.copy(), []
     energy: FloatArray | None = None
     for colour in range(lanes.n_colours):
-        vertices, can = lanes.try_colour(trial, colour, wall, lanes.caps.held)
+        vertices, can = lanes.try_colour(trial, colour, wall, held)
         trial[vertices] = xy[vertices]
         _, could = lanes.try_colour(trial, colour, wall, nothing)
         trial[vertices[~could | can]] = xy[vertices[~could | can]]

@@ -10,6 +10,7 @@ import numpy as np
 
 from qsmooth._types import FloatArray
 from qsmooth.engine import threads_for
+from qsmooth.kernels.compiling import clock
 from qsmooth.mesh import Mesh
 from qsmooth.methods.base import Method
 from qsmooth.methods.driver import invalid_cells, stored
@@ -17,7 +18,7 @@ from qsmooth.metrics import Quality
 from qsmooth.metrics.bounds import angle_limits
 from qsmooth.numbering import Inside
 from qsmooth.optimizer.best import LEAST_GAIN, MEAN_LOSS, Best
-from qsmooth.optimizer.ground import Ground, targets_inside
+from qsmooth.optimizer.ground import Ground, Meant, targets_inside
 from qsmooth.optimizer.judgement import judged
 from qsmooth.optimizer.lanes import Lanes
 from qsmooth.optimizer.last_look import kept_from_better
@@ -28,6 +29,7 @@ from qsmooth.optimizer.untangling import untangle, with_proof
 from qsmooth.options import opaque, option
 from qsmooth.outcome import Aim, Forbidden, Held, Invalid, Outcome, Stop, Target
 from qsmooth.result import History, SmoothResult
+from qsmooth.sliding import slid
 from qsmooth.sums import exact_mean
 from qsmooth.targets import (
     Targets,
@@ -81,37 +83,36 @@ class _Staged(Method):
     untangles = True
     sweeps_a_record = ROUND
 
-    def run(self, mesh: Mesh, chosen: str = "") -> SmoothResult:
-        """Go through the stages, and sum up."""
+    def run(self, mesh: Mesh, chosen: str = "", meant: Meant | None = None) -> SmoothResult:
+        """Go through the stages, and sum up; what cells are `meant` to be may be known."""
+        started = clock()
         inside = Inside(mesh, kept=not self.max_sweeps)
         before = inside.quality(mesh)
-        only, _ = self.selected(mesh)
-        movable = mesh.topology.movable(self.keep_interfaces)
-        if only is not None:
-            movable &= only
-        n_movable = int(movable.sum())
-        progress = Progress(self, before)
-        result, found, after = mesh, _Found(inside.at_vertices(mesh.xy)), before
+        freedom = self.freedom(mesh)
+        movable, n_movable = freedom.movable, freedom.n_movable
+        progress = Progress(self, before, started)
+        result, found, after = mesh, _Found(mesh.xy), before
         bounds = None
         if n_movable:
             engine = threads_for(self.threads, n_movable)
-            only = inside.chosen_vertices(only)
-            ground = Ground(inside, self.keep_interfaces, only, engine)
+            ground = Ground(inside, freedom.inside(inside), engine, meant)
             with engine.running():
                 found = self.stages(ground, before, progress)
-                result = stored(mesh, inside.back(found.xy))
+                ground.forget()  # the larger part of the memory of a run
+                result = stored(mesh, inside.back(found.xy), freedom)
                 after = before if result is mesh else inside.quality(result)
-            bounds = self.bounds(inside, result, after)
+            bounds = self.bounds(ground, result, after)
         invalid = with_proof(invalid_cells(before, after), mesh.topology, result.xy, movable)
         seconds = progress.seconds
-        stop = progress.stop or self.finished(found, invalid)
+        stop = Stop.CALLBACK if progress.watch.asked else progress.stop
+        stop = stop or self.finished(found, invalid)
         if not n_movable and stop is not Stop.STUCK:
             stop = Stop.NOTHING_MOVES
         start = before
         if found.start is not None and before.n_invalid:
             start = inside.quality_at(found.start)
         trades, sizes = judged(before, start, after, found.target, found.layers)
-        return SmoothResult(
+        summed_up = SmoothResult(
             mesh=result,
             outcome=Outcome(
                 method=self.name,
@@ -128,6 +129,7 @@ class _Staged(Method):
                 held=found.held,
                 invalid=invalid,
                 target=found.target,
+                sliding=slid(freedom, mesh, result),
                 sizes=sizes,
                 limits=bounds,
             ),
@@ -136,10 +138,12 @@ class _Staged(Method):
             quality_after=after,
             seconds=seconds,
         )
+        return progress.watch.give_back(summed_up)
 
     def _stop_at(self, stop: Stop) -> float:
         """Value of the option that stopped it, which has the stop's name; NaN where none did."""
-        value = getattr(self, stop.value, None)
+        is_option = stop is not Stop.CALLBACK and stop.value in self.specs()
+        value = getattr(self, stop.value) if is_option else None
         return math.nan if value is None else float(value)
 
     def stages(self, ground: Ground, before: Quality, progress: Progress) -> _Found:
@@ -150,7 +154,7 @@ class _Staged(Method):
         """Why it stopped where what the caller allows was not used up."""
         raise NotImplementedError
 
-    def bounds(self, inside: Inside, result: Mesh, after: Quality) -> object:
+    def bounds(self, ground: Ground, result: Mesh, after: Quality) -> object:
         """Limits of the result's angles, where they belong to the outcome."""
         return None
 
@@ -233,11 +237,11 @@ class Optimize(_Staged):
         object.__setattr__(self, "hold", parse_hold(self.hold))
         object.__setattr__(self, "target", parse_target(self.target))
 
-    def run(self, mesh: Mesh, chosen: str = "") -> SmoothResult:
-        """Go through the stages, and sum up."""
+    def run(self, mesh: Mesh, chosen: str = "", meant: Meant | None = None) -> SmoothResult:
+        """Go through the stages, and sum up; what cells are `meant` to be may be known."""
         if not isinstance(self.target, str):
             self._given(mesh, mesh.xy)  # what does not fit the mesh is told of before all else
-        return super().run(mesh, chosen)
+        return super().run(mesh, chosen, meant)
 
     def stages(self, ground: Ground, before: Quality, progress: Progress) -> _Found:
         """Untangle, improve the mean, mend the worst cells; keep the best that was seen."""
@@ -246,17 +250,20 @@ class Optimize(_Staged):
         if not self.max_sweeps:
             progress.spent()  # notes that no sweep is why it stops
             return _Found(xy)
-        lanes, given = ground.lanes, xy.copy()  # untangling may move far more than is invalid
+        lanes = ground.lanes
+        given = xy.copy() if before.n_invalid else xy  # untangling may move more than is invalid
         if before.n_invalid:
             with progress.stage(Aim.UNTANGLE):
                 untangle(ground, xy, progress)
-        lanes.caps.hold(xy, self.hold, angles=not self._by_metric)
-        start = xy.copy()
+        lanes.caps.hold(xy, self.hold, angles=not self.by_metric)
+        start = xy
         with progress.stage(Aim.MEAN_SHAPE):
-            few = before.n_invalid <= FEW_INVALID * lanes.topology.n_cells
-            found = self._targets(inside, given, given if few else xy)
-            best, xy = self._improved(lanes, inside, xy, found, progress)
-        by_walls = self.worst and not self._by_metric
+            meant = ground.meant
+            if meant is None:
+                few = before.n_invalid <= FEW_INVALID * lanes.topology.n_cells
+                meant = self.read(inside, given, given if few else xy)
+            best, xy = self._improved(lanes, inside, xy, meant, progress)
+        by_walls = self.worst and not self.by_metric
         if by_walls and not (best.good_enough() or self._nothing_to_gain(lanes, best)):
             with progress.stage(Aim.WORST_CELLS):
                 mend_worst(lanes, xy, best, progress)
@@ -287,7 +294,7 @@ class Optimize(_Staged):
 
         if progress.stop is not None or best.good_enough() or self._nothing_to_gain(lanes, best):
             return ()
-        lanes.caps.hold(start, self.hold, angles=not self._by_metric)
+        lanes.caps.hold(start, self.hold, angles=not self.by_metric)
         worst = lanes.energy(best.xy)[0].max(initial=1.0)
         threshold = LAST_WALL * float(worst) if self.worst else np.inf
         return kept_from_better(lanes, best.xy, Wall(1.0, threshold, 6))
@@ -299,7 +306,7 @@ class Optimize(_Staged):
         return exact_mean(1.0 / lanes.worst_shape(xy))
 
     @property
-    def _by_metric(self) -> bool:
+    def by_metric(self) -> bool:
         """Whether a metric says what is meant: it asks for angles of its own."""
         return not isinstance(self.target, str) and (callable(self.target) or self.target.ndim == 3)
 
@@ -308,20 +315,19 @@ class Optimize(_Staged):
         lanes: Lanes,
         inside: Inside,
         start: FloatArray,
-        found: tuple[list[Targets], bool],
+        meant: Meant,
         progress: Progress,
     ) -> tuple[Best, FloatArray]:
         """Improve the mean towards what the mesh is meant to be; where two readings of that differ,
         the one that comes nearer to squares and equilateral triangles is taken.
         """
         runs = []
-        readings, keep_mean = found
-        for targets in readings:
+        for targets in meant.readings:
             targets = targets_inside(targets, inside)
-            best, xy = self._aimed(lanes, targets, start, progress, keep_mean)
+            best, xy = self._aimed(lanes, targets, start, progress, meant.isotropic)
             runs.append((best.figures.plain_shape, targets, best, xy))
-            if best.figures.plain_shape * CLEARLY >= 1.0:
-                break  # no other can be so much better
+            if best.figures.plain_shape * CLEARLY >= 1.0 or progress.spent():
+                break  # no other can be so much better, or there is no time to try
         if callable(self.target):
             for _ in range(ASKINGS):
                 _, old, best, xy = runs[-1]
@@ -363,7 +369,7 @@ class Optimize(_Staged):
 
     def _nothing_to_gain(self, lanes: Lanes, best: Best) -> bool:
         """Whether even perfect cells would not be worth moving a vertex for."""
-        if self._by_metric or best.given.n_invalid:
+        if self.by_metric or best.given.n_invalid:
             return False
         angle = 90.0 if lanes.topology.n_quads else 60.0
         perfect = replace(
@@ -371,27 +377,24 @@ class Optimize(_Staged):
         )
         return perfect.gain(best.given) < LEAST_GAIN
 
-    def _targets(
-        self, inside: Inside, given: FloatArray, mended: FloatArray
-    ) -> tuple[list[Targets], bool]:
-        """What cells may be meant to be, plain first, then learned where that differs; and whether
-        the mesh itself says that ideal is what they are meant to be.
+    def read(self, inside: Inside, given: FloatArray, mended: FloatArray) -> Meant:
+        """What cells may be meant to be, plain first, then learned where that differs.
 
         They are learned of the mesh as it was given, or mended where too much of it is invalid; in
         the caller's order, as sums over the whole mesh are among them.
         """
         mesh, xy = inside.mesh, inside.back(mended)
         if not isinstance(self.target, str):
-            return [self._given(mesh, xy)], False
+            return Meant([self._given(mesh, xy)], False)
         if self.target == "initial":
-            return [self._sized(mesh, initial(mesh.topology, xy), xy)], False
+            return Meant([self._sized(mesh, initial(mesh.topology, xy), xy)], False)
         valid = None if mended is given else xy
         plain, learned = candidates(mesh.topology, inside.back(given), valid)
         isotropic = learned is plain and plain.kind == "ideal"
         found = [plain] if learned is plain else [plain, learned]
         if self.target == "ideal":
             found = [ideal(mesh.topology)]
-        return [self._sized(mesh, targets, xy) for targets in found], isotropic
+        return Meant([self._sized(mesh, targets, xy) for targets in found], isotropic)
 
     def _asked_again(self, inside: Inside, xy: FloatArray) -> Targets:
         """Targets of a function at coordinates that are in the order inside."""
@@ -414,11 +417,12 @@ class Optimize(_Staged):
         """Why it stopped where no limit of the caller was reached."""
         return Stop.STOP_QUALITY if found.good_enough else Stop.SETTLED
 
-    def bounds(self, inside: Inside, result: Mesh, after: Quality) -> object:
+    def bounds(self, ground: Ground, result: Mesh, after: Quality) -> object:
         """Limits of the result's angles."""
-        topology = inside.topology
-        movable = topology.movable(self.keep_interfaces)
-        return angle_limits(topology, inside.at_vertices(result.xy), movable, after)
+        xy = ground.inside.at_vertices(result.xy)
+        swings = None if ground.slider is None else ground.slider.swings(xy)
+        kept = ground.freedom.kept
+        return angle_limits(ground.topology, xy, ground.movable, after, kept, swings)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,9 +7,9 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from qsmooth._types import FloatArray
-from qsmooth.kernels.compiling import clock
 from qsmooth.methods.base import Method
 from qsmooth.methods.driver import gain, record, record_of
+from qsmooth.methods.watching import Watch
 from qsmooth.metrics import Quality
 from qsmooth.outcome import Aim, Stage, Stop
 from qsmooth.result import SweepRecord
@@ -30,29 +30,32 @@ class Progress:
         Sweeps over the vertices and Newton steps on all of them so far.
     stop
         What the caller allows that is used up, None so far.
+    watch
+        Tells the caller, and knows how long a run may take.
     """
 
-    def __init__(self, options: Method, before: Quality) -> None:
-        self._options = options
+    def __init__(self, options: Method, before: Quality, started: float | None = None) -> None:
+        self._options, self.watch = options, Watch(options, started)
         self.sweeps, self.steps = 0, 0
         self.stop: Stop | None = None
         self.stages: list[Stage] = []
         self.history: list[SweepRecord] = []
         self._last = record_of(before)
-        self._started = clock()
 
     @property
     def seconds(self) -> float:
         """Time since the start; callbacks and the compiling of kernels left out."""
-        return clock() - self._started
+        return self.watch.seconds
 
     def spent(self) -> bool:
-        """Whether what the caller allows is used up."""
-        allowed = self._options.time_limit
+        """Whether what the caller allows is used up, or he has asked to stop."""
         if self.sweeps >= self._options.max_sweeps:
-            self.stop = Stop.MAX_SWEEPS
-        elif allowed is not None and self.seconds >= allowed:
-            self.stop = Stop.TIME_LIMIT
+            self.stop = self.stop or Stop.MAX_SWEEPS
+        return self.cut_short()
+
+    def cut_short(self) -> bool:
+        """Whether time is up, or the caller has asked to stop; to ask within a round, too."""
+        self.stop = self.stop or self.watch.stop()
         return self.stop is not None
 
     def next_round(self) -> int:
@@ -62,10 +65,7 @@ class Progress:
     def note(self, now: Quality, moves: Moves | tuple[FloatArray, FloatArray]) -> None:
         """Put a round into the history, and tell the caller."""
         self.history.append(record(now, *moves))
-        if self._options.callback is not None:
-            called = clock()
-            self._options.callback(self.history[-1])
-            self._started += clock() - called
+        self.watch.tell(self.history[-1])
 
     @contextmanager
     def stage(self, aim: Aim) -> Iterator[None]:

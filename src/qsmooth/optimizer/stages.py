@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from qsmooth._types import FloatArray
+from qsmooth.kernels.compiling import clock
 from qsmooth.optimizer.best import Best
 from qsmooth.optimizer.caps import HOLDABLE
 from qsmooth.optimizer.global_newton import GlobalNewton
@@ -121,21 +122,26 @@ class _WholeMesh:
 
     def __init__(self, lanes: Lanes) -> None:
         self._lanes, self._wait, self._waits = lanes, 0, 0
+        self._seconds: float | None = None
 
     @cached_property
     def _newton(self) -> GlobalNewton:
         lanes = self._lanes
-        return GlobalNewton(
-            lanes.topology, lanes.stars, lanes.targets.corners, lanes.sizes, lanes.maps, lanes.caps
-        )
+        targets = lanes.targets.corners, lanes.sizes, lanes.maps
+        return GlobalNewton(lanes.topology, lanes.stars, *targets, lanes.caps, lanes.rails)
 
     def step(self, xy: FloatArray, progress: Progress) -> bool:
         """Take a step if it is time to, in place; say whether."""
         if self._wait:
             self._wait -= 1
             return False
-        self._before = xy.copy()
+        # The first one takes about as long as the rounds before it.
+        expected = progress.seconds if self._seconds is None else self._seconds
+        if not progress.watch.leaves_time_for(expected):
+            return False
+        self._before, started = xy.copy(), clock()
         taken = self._newton.step(xy, RISE) != 0.0
+        self._seconds = clock() - started
         progress.steps += taken
         if not taken:
             self._put_off()

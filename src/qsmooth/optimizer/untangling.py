@@ -36,7 +36,8 @@ def untangle(ground: Ground, xy: FloatArray, progress: Progress) -> None:
     """Sweep until every cell is valid; else leave the coordinates with the fewest invalid cells.
 
     A round that is over in between is noted, and what it comes to in the end. Vertices far from
-    invalid cells move only where moving the near ones is not enough.
+    invalid cells move only where moving the near ones is not enough, and no vertex slides where
+    moving the others is.
 
     Parameters
     ----------
@@ -45,6 +46,20 @@ def untangle(ground: Ground, xy: FloatArray, progress: Progress) -> None:
     xy : (n, 2)
         Changed in place.
     """
+    if ground.still.movable.any():
+        _untangle(ground.still, xy, progress)
+    slider = ground.slider
+    if slider is None or progress.spent() or not _Tangle(ground, xy, progress).bad().size:
+        return
+    start = xy.copy()
+    _untangle(ground, xy, progress)
+    # Each tangle is left with its own best coordinates: two that lie side by side may not fit.
+    if slider.meets(xy) and not slider.meets(start):
+        xy[:] = start
+
+
+def _untangle(ground: Ground, xy: FloatArray, progress: Progress) -> None:
+    """Do so with all that may move on this ground."""
     tangle = _Tangle(ground, xy, progress)
     bad = tangle.sweep_and_grow()
     while bad.size and not progress.spent() and tangle.mend_more(bad):

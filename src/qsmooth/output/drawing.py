@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,6 +11,7 @@ import numpy as np
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray
 from qsmooth._words import plural
+from qsmooth.io.files import replace_bytes
 from qsmooth.mesh import Mesh
 from qsmooth.metrics import Metric, Quality, quality
 from qsmooth.output.views import cell_corners, cells_in
@@ -233,9 +235,14 @@ def saved(figure: Figure, path: str | Path | None) -> Figure:
 
 def save(figure: Figure, path: Path) -> None:
     """Save a figure in the format of the name's ending."""
-    from matplotlib import rc_context
+    from matplotlib import rc_context, rcParams
 
     # Without a date and with ids of its own the same figure is the same file.
     with rc_context({"svg.hashsalt": "qsmooth", "path.simplify": False}):
-        metadata = {"Date": None} if path.suffix.lower() == ".svg" else None
-        figure.savefig(path, dpi=DPI, metadata=metadata)
+        ending = path.suffix[1:].lower() or rcParams["savefig.format"]
+        metadata = {"Date": None} if ending == "svg" else None
+        drawn = io.BytesIO()
+        figure.savefig(drawn, dpi=DPI, metadata=metadata, format=ending)
+    if not path.suffix:
+        path = path.with_name(f"{path.name}.{ending}")
+    replace_bytes(path, drawn.getvalue())

@@ -30,7 +30,7 @@ matrices.
 """
 
 from qsmooth.targets.algebra import EQUILATERAL, SQUARE
-from qsmooth.targets.base import Targets, beside_others, ideal
+from qsmooth.targets.base import Targets, beside_others, ideal, ideal_corners
 from qsmooth.targets.given import Metric, from_metric, from_ratios, initial
 from qsmooth.targets.learned import candidates, learned
 from qsmooth.targets.sheets import Sheets
@@ -47,6 +47,7 @@ __all__ = [
     "from_metric",
     "from_ratios",
     "ideal",
+    "ideal_corners",
     "initial",
     "learned",
     "with_sizes",

@@ -55,15 +55,17 @@ def ideal(topology: Topology) -> Targets:
 
 def beside_others(topology: Topology, chosen: BoolArray) -> BoolArray:
     """Which of the chosen cells, (n_cells,), share a vertex with one that is not chosen."""
+    if not chosen.any():
+        return np.zeros(chosen.size, np.bool_)
     shared = np.zeros(topology.n_vertices, np.bool_)
-    shared[topology.cell_vertices[~chosen[topology.corner_cells]]] = True
+    shared[topology.cell_vertices[np.repeat(~chosen, topology.cell_sizes)]] = True
     at_cells = np.logical_or.reduceat(shared[topology.cell_vertices], topology.cell_offsets[:-1])
     return np.asarray(at_cells & chosen)
 
 
 def ideal_corners(topology: Topology) -> FloatArray:
     """Coefficients of squares and equilateral triangles at all corners: (n_corners, 3)."""
-    is_triangle = topology.cell_sizes[topology.corner_cells] == 3
+    is_triangle = np.repeat(topology.cell_sizes == 3, topology.cell_sizes)
     return np.where(is_triangle[:, None], EQUILATERAL, SQUARE)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from qsmooth._types import FloatArray
+from qsmooth._types import FloatArray, IndexArray
 from qsmooth.targets.algebra import rectangle_corners, step
 from qsmooth.targets.base import Targets, beside_others, ideal
 from qsmooth.targets.rectangles import rectangles
@@ -21,6 +21,8 @@ BORDER_WEIGHT = 3.0
 
 # Ratios of fewer of the cells than this are none: they could not make the mean so much better.
 LEAST_RATIOS = 0.01
+# Quads whose corners are written together: all at once take as much memory as the targets.
+CHUNK = 2**16
 
 
 def learned(topology: Topology, xy: FloatArray) -> Targets:
@@ -82,17 +84,26 @@ def candidates(
     for cells in (sheets.first, sheets.second):
         is_layer[cells] = layer > 0.5
     weight[beside_others(topology, is_layer)] *= BORDER_WEIGHT
-    found = []
     share = step(layer[:n_quads], LAYER_SHAPE)
-    for other in (np.zeros(n_quads), ratios[:n_quads]):
-        both = share * log_ratio[:n_quads] + (1.0 - share) * other
-        with_quads = corners.copy()
-        with_quads[places] = rectangle_corners(both)
-        found.append(with_quads)
-    sizes = np.where(weight > 0.0, np.exp(area) * unit**2, np.nan)
-    is_plain = not weight.any() and np.array_equal(found[0], plain.corners)
-    squares = Targets(found[0], sizes, weight, is_layer, "ideal" if is_plain else "squares")
     stretched = int(np.count_nonzero(ratios[:n_quads] * (1.0 - share)))
-    if stretched < max(LEAST_RATIOS * topology.n_cells, 1):
+    sizes = np.where(weight > 0.0, np.exp(area) * unit**2, np.nan)
+    own = share * log_ratio[:n_quads]
+    with_ratios = None
+    if stretched >= max(LEAST_RATIOS * topology.n_cells, 1):
+        with_ratios = corners.copy()
+        _put_rectangles(with_ratios, places, own + (1.0 - share) * ratios[:n_quads])
+    # Where there is no layer the quads are squares already.
+    is_plain = not weight.any()
+    if not is_plain:
+        _put_rectangles(corners, places, own)
+    squares = Targets(corners, sizes, weight, is_layer, "ideal" if is_plain else "squares")
+    if with_ratios is None:
         return squares, squares
-    return squares, squares._replace(corners=found[1], kind="ratios")
+    return squares, squares._replace(corners=with_ratios, kind="ratios")
+
+
+def _put_rectangles(corners: FloatArray, places: IndexArray, log_ratio: FloatArray) -> None:
+    """Let quads at these places, (m, 4), be rectangles, in place; a few at a time."""
+    for first in range(0, log_ratio.size, CHUNK):
+        some = slice(first, first + CHUNK)
+        corners[places[some]] = rectangle_corners(log_ratio[some])

@@ -71,6 +71,14 @@ class Sheets:
         from qsmooth.kernels.sheets import order_sheets
 
         self._find_quads(topology, xy)
+        self._measure(topology, xy)
+        links = self._links(topology)
+        self.neighbours = links[:, [1, 3, 0, 2]].reshape(-1, 2)
+        self.order = order_sheets(self.neighbours)
+        self.walls = self._ends(links, topology.twins[self.sides] < 0)
+
+    def _measure(self, topology: Topology, xy: FloatArray) -> None:
+        """Measure lengths, sines and heights."""
         p = xy[topology.cell_vertices[self.sides]]
         edges = np.roll(p, -1, axis=1) - p
         sides = np.hypot(edges[..., 0], edges[..., 1])
@@ -85,26 +93,24 @@ class Sheets:
         self.across = self.length[:, ::-1].ravel()
         self.height = self.across + np.repeat(np.log(self.sine), 2)
 
-        links = self._links(topology)
-        self.neighbours = links[:, [1, 3, 0, 2]].reshape(-1, 2)
-        self.order = order_sheets(self.neighbours)
-        self.walls = self._ends(links, topology.twins[self.sides] < 0)
-
     def _links(self, topology: Topology) -> IndexArray:
         """Links across each side, (n, 4), or -1."""
         n, twins = len(self.sides), topology.twins
-        quad_of, side_of = np.full(twins.size, -1), np.zeros(twins.size, np.int64)
+        quad_of, side_of = np.full(twins.size, -1), np.zeros(twins.size, np.int8)
         quad_of[self.sides] = np.arange(n)[:, None]
         side_of[self.sides] = np.arange(4)
         twin = twins[self.sides]
         joined = (twin >= 0) & (quad_of[twin] >= 0)
-        links = 2 * quad_of[twin] + (side_of[twin] + 1) % 2
-        own = 2 * np.arange(n)[:, None] + (np.arange(4) + 1) % 2
-        # What is paired need not go on: beyond the end of a layer triangles are a thousand times
-        # as short.
-        guessed = np.maximum(own, links) >= 2 * self.n_quads
-        joined &= ~guessed | (np.abs(self.along[own] - self.along[links]) < PAIR_CHANGE)
-        return np.where(joined, links, -1)
+        links = 2 * quad_of[twin]
+        links += (side_of[twin] + 1) % 2
+        if n > self.n_quads:
+            own = 2 * np.arange(n)[:, None] + (np.arange(4) + 1) % 2
+            # What is paired need not go on: beyond the end of a layer triangles are a thousand
+            # times as short.
+            guessed = np.maximum(own, links) >= 2 * self.n_quads
+            joined &= ~guessed | (np.abs(self.along[own] - self.along[links]) < PAIR_CHANGE)
+        links[~joined] = -1
+        return np.asarray(links)
 
     def _ends(self, links: IndexArray, is_wall: BoolArray) -> BoolArray:
         """Whether the first and last side that each sheet crosses are on the boundary."""

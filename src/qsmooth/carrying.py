@@ -1,0 +1,130 @@
+"""What belongs to places travels with them: z of a flat mesh, and the point data of its file."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from qsmooth._types import BoolArray, FloatArray
+from qsmooth._words import did_you_mean
+from qsmooth.io.file_content import FileContent
+from qsmooth.mesh import Mesh
+from qsmooth.options import OptionError
+from qsmooth.outcome import Carried
+from qsmooth.remapping import Located, at_vertices
+from qsmooth.result import SmoothResult
+
+Carry: TypeAlias = Literal["interpolate", "keep"]
+
+
+def parse_names(given: str | Iterable[str]) -> tuple[str, ...]:
+    """Take names of point data: one, several with commas between, or an iterable of names.
+
+    Raises
+    ------
+    OptionError
+        If they are no names.
+    """
+    names = given.split(",") if isinstance(given, str) else given
+    try:
+        found = tuple(dict.fromkeys(name.strip() for name in names))
+    except (TypeError, AttributeError):
+        raise OptionError(f"`interpolate` takes names of point data, got {given!r}") from None
+    return tuple(name for name in found if name)
+
+
+def require_data(mesh: Mesh, names: Iterable[str]) -> None:
+    """Refuse names of point data that the mesh has not, or that can't be interpolated.
+
+    Raises
+    ------
+    OptionError
+        Naming the first that it is.
+    """
+    for name in names:
+        data = _point_data(mesh)
+        if name not in data:
+            known = f"; there is {', '.join(data)}" if data else ", it has none"
+            raise OptionError(
+                f"`interpolate` takes point data of the mesh, there is no {name!r} in it"
+                f"{did_you_mean(name, data)}{known}"
+            )
+        values = np.asarray(data[name])
+        if values.dtype.kind != "f":
+            raise OptionError(
+                f"`interpolate` takes point data of floats, {name!r} is {values.dtype}"
+            )
+
+
+def carried(
+    mesh: Mesh, result: SmoothResult, carry: Carry, names: Iterable[str], threads: int | None
+) -> SmoothResult:
+    """Give the result of smoothing the values that belong to its places.
+
+    Parameters
+    ----------
+    mesh
+        What was smoothed.
+    carry
+        What becomes of z of a flat mesh. What it is off by is told in either case.
+    names
+        Point data to interpolate; `require_data` has been asked.
+    """
+    moved: BoolArray = (result.mesh.xy != mesh.xy).any(axis=1)
+    flat = mesh.surface == "flat" and mesh.points.shape[1] == 3
+    names = tuple(names)
+    if not moved.any() or not (flat or names):
+        return result
+    vertices = np.flatnonzero(moved)
+    located = at_vertices(mesh, result.mesh.xy[vertices], vertices, threads)
+    records, points, source = [], None, result.mesh.source
+    if flat:
+        z = mesh.points[:, 2]
+        fresh, record = _interpolated("z", z, located, vertices)
+        records.append(replace(record, interpolated=carry == "interpolate"))
+        if carry == "interpolate":
+            points = result.mesh.points.copy()
+            points[:, 2] = fresh
+    if names and isinstance(source, FileContent):
+        data = dict(source.point_data)
+        for name in names:
+            data[name], record = _interpolated(name, data[name], located, vertices)
+            records.append(record)
+        source = dataclasses.replace(
+            source, point_data=data, changed=source.changed | frozenset(names)
+        )
+    final = result.mesh.with_values(points, source)
+    after = copy.copy(result.quality_after)
+    after.points = final.points
+    return replace(
+        result,
+        mesh=final,
+        outcome=replace(result.outcome, carried=tuple(records)),
+        quality_after=after,
+    )
+
+
+def _point_data(mesh: Mesh) -> dict[str, Any]:
+    return mesh.source.point_data if isinstance(mesh.source, FileContent) else {}
+
+
+def _interpolated(
+    name: str, values: npt.ArrayLike, located: Located, vertices: npt.NDArray[np.int64]
+) -> tuple[FloatArray, Carried]:
+    """Values at all vertices, of the type that they had, and what came of it."""
+    given = np.asarray(values)
+    table = np.array(given, np.float64, order="C").reshape(len(given), -1)
+    fresh = located.onto(table, vertices)
+    change = np.abs(fresh[vertices] - table[vertices])
+    change = change[np.isfinite(change)]
+    largest = float(change.max(initial=0.0))
+    # Scaled, so that squares neither overflow nor vanish.
+    rms = largest * float(np.sqrt(np.mean((change / largest) ** 2))) if largest else 0.0
+    record = Carried(name=name, interpolated=True, vertices=len(vertices), largest=largest, rms=rms)
+    return fresh.astype(given.dtype).reshape(given.shape), record

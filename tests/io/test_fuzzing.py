@@ -1,0 +1,150 @@
+"""Damaged and hostile files: a mesh or a MeshError, within two seconds and 500 MB."""
+
+import base64
+import lzma
+import resource
+import struct
+import sys
+import time
+import zlib
+
+import numpy as np
+import pytest
+
+from format_samples import ABAQUS, SU2, TEXT_CELLS, UCD, VTK, XYZ, vtu_arrays
+from qsmooth.errors import MeshError
+from qsmooth.io import read_mesh
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="limits of Linux")
+
+SEED, SECONDS = 1, 20.0
+
+
+def test_damaged_files_are_a_mesh_or_a_mesh_error():
+    from fuzzing import fuzz
+
+    *wrong, (count, _) = fuzz(SEED, SECONDS)
+    assert wrong == []
+    assert count > 50
+
+
+def test_a_case_is_the_same_again():
+    from fuzzing import damaged
+
+    files = {"a.off": b"OFF\n1 2 3\n", "b.obj": 30 * b"v 1 2 3\n"}
+    made = [damaged(files, 7, case) for case in range(50)]
+    assert made == [damaged(files, 7, case) for case in range(50)]
+    assert len(set(made)) > 25
+
+
+def bomb(name: str) -> str:
+    """A file of a few hundred kilobytes that says to hold a gigabyte."""
+    codec = {"vtkZLibDataCompressor": zlib, "vtkLZMADataCompressor": lzma}[name]
+    packed = codec.compress(bytes(200 << 20))
+    header = struct.pack("<IIII", 1, 200 << 20, 0, len(packed))
+    stored = (base64.b64encode(header) + base64.b64encode(packed)).decode()
+    head = f' compressor="{name}"'
+    return vtu_arrays(f'format="binary">{stored}', TEXT_CELLS, head) + "</VTKFile>\n"
+
+
+def laughs() -> str:
+    entities = "".join(f'<!ENTITY a{i + 1} "{10 * f"&a{i};"}">' for i in range(12))
+    return f'<!DOCTYPE l [<!ENTITY a0 "ha">{entities}]><VTKFile type="UnstructuredGrid">&a12;'
+
+
+def one_card_an_element() -> str:
+    n = 9000
+    nodes = "".join(f"{2 * i + k + 1}, {i}, {k}\n" for i in range(n + 1) for k in (0, 1))
+    faces = (f"{k + 1}, {2 * k + 1}, {2 * k + 3}, {2 * k + 4}, {2 * k + 2}\n" for k in range(n))
+    cards = (f"*ELEMENT, TYPE=CPS4, ELSET=e{k}\n{face}" for k, face in enumerate(faces))
+    return f"*NODE\n{nodes}{''.join(cards)}"
+
+
+def polygons() -> str:
+    faces = "".join(f"{5 + k % 40} {(5 + k % 40) * '0 '}\n" for k in range(15_000))
+    return f"OFF\n3 15000 0\n0 0 0\n1 0 0\n0 1 0\n{faces}"
+
+
+VTK_HEAD = "# vtk DataFile Version 3.0\n\nASCII\n"
+HOSTILE = {
+    "zlib.vtu": (bomb("vtkZLibDataCompressor"), "said to be compressed"),
+    "lzma.vtu": (bomb("vtkLZMADataCompressor"), "said to be compressed"),
+    "laughs.vtu": (laughs(), "no valid XML"),
+    "deep.vtu": ('<VTKFile type="UnstructuredGrid">' + 70_000 * "<a>" + 70_000 * "</a>", "XML"),
+    "float.vtu": (
+        vtu_arrays('format="ascii">\n' + XYZ, TEXT_CELLS).replace('"Int64"', '"Float64"')
+        + "</VTKFile>",
+        "no integers",
+    ),
+    "texts.vtk": (
+        VTK_HEAD + "DATASET UNSTRUCTURED_GRID\nFIELD FieldData 1\na 1 1000000000 string\nx\n",
+        "1000000000 texts expected",
+    ),
+    "grid.vtk": (
+        VTK_HEAD + "DATASET STRUCTURED_GRID\nDIMENSIONS 4294967296 4294967296 1\nPOINTS 0 float\n",
+        "do not fit 0 points",
+    ),
+    "float.vtk": (
+        VTK_HEAD + f"DATASET UNSTRUCTURED_GRID\nPOINTS 8 double\n{XYZ}CELLS 2 4\n"
+        "OFFSETS double\n0 4\nCONNECTIVITY double\n0 1 4 3\nCELL_TYPES 1\n9\n",
+        "are no integers",
+    ),
+    "ranges.inp": (
+        ABAQUS + "*NSET, NSET=a, GENERATE\n" + 30 * "1, 1000000, 1\n",
+        "too many of them",
+    ),
+    "infinite.inp": (ABAQUS.replace("\n25, ", "\n1e400, "), "1 node ids are no integers"),
+    "half.inp": (UCD.replace("\n25 2", "\n25.5 2"), "no integers, the first is 25.5"),
+    "polygons.off": (polygons(), "and 35 more types"),
+    "marks.su2": (SU2.replace("ELEMS= 2", "ELEMS= 99999999"), "says 99999999 rows"),
+    "rows.vtk": (VTK.replace("CELLS 5 20", "CELLS 999999999 20"), "999999999 cells"),
+}
+
+
+def read_within_limits(path):
+    memory, started = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time()
+    try:
+        return read_mesh(path)
+    finally:
+        assert time.process_time() - started < 2.0
+        assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - memory < 500_000
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_hostile_files_are_refused_within_limits(put, name):
+    content, message = HOSTILE[name]
+    path = put(name, content)
+    with pytest.raises(MeshError, match=message):
+        read_within_limits(path)
+
+
+def test_a_card_for_each_element_is_read_in_time(put):
+    read_mesh(put("warm.inp", ABAQUS))
+    mesh = read_within_limits(put("cards.inp", one_card_an_element()))
+    assert np.array_equal(mesh.regions, 1 + np.arange(9000))
+
+
+def test_sets_of_sets_do_not_double_for_ever(put):
+    nested = "*ELSET, ELSET=a\n1, 2\n" + 60 * "*ELSET, ELSET=a\na, a\n"
+    mesh = read_within_limits(put("nested.inp", ABAQUS + nested))
+    assert mesh.n_cells == 3
+    assert mesh.source.cell_sets["A"][0].tolist() == [0]
+
+
+@pytest.mark.parametrize("tiny", ["1e-320", "5e-324", "-1e-310"])
+def test_a_coordinate_next_to_zero_says_nothing_strange(put, tiny):
+    content = f"OFF\n4 1 0\n0 0 {tiny}\n1 0 0.3\n1 1 0.3\n{tiny} 1 0\n4 0 1 2 3\n"
+    assert read_mesh(put("tiny.off", content)).n_cells == 1
+
+
+CUT_OFF = {
+    "ansys.msh": '(1 "x")\n(10 (1',
+    "a.mdpa": "Begin Nodes\n 1 0 0 0\n",
+    "a.dat": 'TITLE = "x"\nVARIABLES = "X", "Y"\nZONE N=9, E=9, F=FEPOINT, ET=TRIANGLE\n0 0\n',
+}
+
+
+@pytest.mark.parametrize("name", CUT_OFF)
+def test_no_reader_of_meshio_goes_on_for_ever_behind_the_end(put, name):
+    with pytest.raises(MeshError, match=f"meshio says|{name}"):
+        read_within_limits(put(name, CUT_OFF[name]))

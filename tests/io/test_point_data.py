@@ -1,0 +1,178 @@
+"""Point data that is interpolated goes back into its file, and nothing else is touched."""
+
+import base64
+import re
+import struct
+import zlib
+
+import numpy as np
+import pytest
+
+from meshes import rough_grid
+from qsmooth import read_mesh, smooth, write_mesh
+from qsmooth.io import holds_point_data
+
+pytestmark = pytest.mark.nojit
+
+POINTS, (QUADS,) = rough_grid(4)
+N = len(POINTS)
+BED = 3.0 + POINTS @ [2.0, -1.0]
+FLOW = np.column_stack([BED, -BED])
+SPACE = np.column_stack([POINTS, np.zeros(N)])
+
+
+def rows(array):
+    return "".join(" ".join(map(repr, row)) + "\n" for row in np.atleast_2d(array).tolist())
+
+
+def raw(array, dtype):
+    return np.ascontiguousarray(array).astype(dtype).tobytes()
+
+
+def vtk(binary):
+    head = f"# vtk DataFile Version 3.0\nx\n{'BINARY' if binary else 'ASCII'}\n".encode()
+    out = head + f"DATASET UNSTRUCTURED_GRID\nPOINTS {N} double\n".encode()
+
+    def put(array, dtype):
+        return raw(array, dtype) + b"\n" if binary else rows(array).encode()
+
+    out += put(SPACE, ">f8") + b"CELLS 16 80\n"
+    out += put(np.column_stack([np.full(16, 4), QUADS]), ">i4") + b"CELL_TYPES 16\n"
+    out += put(np.full((16, 1), 9), ">i4") + f"POINT_DATA {N}\n".encode()
+    out += b"SCALARS bed float 1\nLOOKUP_TABLE default\n" + put(BED[:, None], ">f4")
+    out += f"FIELD FieldData 2\nflow 2 {N} double\n".encode() + put(FLOW, ">f8")
+    return out + f"same 1 {N} double\n".encode() + put(BED[:, None], ">f8")
+
+
+def ply(binary):
+    kind = "binary_little_endian" if binary else "ascii"
+    names = ("double x", "float bed", "double y", "double z", "double flow", "double same")
+    head = f"ply\nformat {kind} 1.0\nelement vertex {N}\n"
+    head += "".join(f"property {name}\n" for name in names)
+    head += "element face 16\nproperty list uchar int vertex_indices\nend_header\n"
+    table = np.column_stack([POINTS[:, 0], BED, POINTS[:, 1], 0 * BED, BED, BED])
+    if not binary:
+        faces = np.column_stack([np.full(16, 4), QUADS])
+        return (head + rows(table) + rows(faces)).encode()
+    body = b"".join(struct.pack("<dfdddd", *row) for row in table.tolist())
+    return head.encode() + body + b"".join(struct.pack("<B4i", 4, *q) for q in QUADS.tolist())
+
+
+def vtu(how):
+    """Text, base64, base64 of compressed blocks, or raw at the end."""
+    appended = b""
+
+    def block(array, dtype):
+        stored = raw(array, dtype)
+        if how != "zlib":
+            return struct.pack("<I", len(stored)) + stored
+        packed = zlib.compress(stored)
+        return struct.pack("<4I", 1, len(stored), 0, len(packed)) + packed
+
+    def put(name, array, kind, dtype, width):
+        nonlocal appended
+        head = f'<DataArray type="{kind}" Name="{name}" NumberOfComponents="{width}" '
+        if how == "text":
+            return head + f'format="ascii">\n{rows(array)}</DataArray>'
+        if how == "appended":
+            offset = len(appended)
+            appended += block(array, dtype)
+            return head + f'format="appended" offset="{offset}"/>'
+        stored = block(array, dtype)
+        cut = 16 if how == "zlib" else 0
+        text = base64.b64encode(stored[:cut]) + base64.b64encode(stored[cut:])
+        return head + f'format="binary">{text.decode()}</DataArray>'
+
+    zipped = ' compressor="vtkZLibDataCompressor"' if how == "zlib" else ""
+    xml = f'<VTKFile type="UnstructuredGrid" byte_order="LittleEndian"{zipped}><UnstructuredGrid>'
+    xml += f'<Piece NumberOfPoints="{N}" NumberOfCells="16"><PointData Scalars="bed">'
+    xml += put("bed", BED[:, None], "Float32", "<f4", 1) + put("flow", FLOW, "Float64", "<f8", 2)
+    xml += put("same", BED[:, None], "Float64", "<f8", 1)
+    xml += put("id", np.arange(N)[:, None], "Int32", "<i4", 1) + "</PointData><Points>"
+    xml += put("Points", SPACE, "Float64", "<f8", 3) + "</Points><Cells>"
+    xml += put("connectivity", QUADS, "Int64", "<i8", 1)
+    xml += put("offsets", 4 * np.arange(1, 17)[:, None], "Int64", "<i8", 1)
+    xml += put("types", np.full((16, 1), 9), "UInt8", "u1", 1)
+    xml += "</Cells></Piece></UnstructuredGrid>"
+    end = b""
+    if how == "appended":
+        end = b'<AppendedData encoding="raw">_' + appended + b"</AppendedData>"
+    return xml.encode() + end + b"</VTKFile>"
+
+
+FILES = {
+    "text.vtk": vtk(False),
+    "binary.vtk": vtk(True),
+    "text.ply": ply(False),
+    "binary.ply": ply(True),
+    **{f"{how}.vtu": vtu(how) for how in ("text", "base64", "zlib", "appended")},
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_named_point_data_is_written_in_place(tmp_path, name):
+    path, plain, out = tmp_path / name, tmp_path / f"plain-{name}", tmp_path / f"out-{name}"
+    path.write_bytes(FILES[name])
+    mesh = read_mesh(path)
+    options = {"method": "laplacian", "max_sweeps": 1}
+    result = smooth(mesh, interpolate="bed,flow", **options)
+    write_mesh(out, result.mesh)
+    write_mesh(plain, smooth(mesh, **options).mesh)
+    back, other = read_mesh(out), read_mesh(plain)
+    assert np.array_equal(back.points, result.points)
+    found = back.source.point_data
+    expected = 3.0 + back.xy @ [2.0, -1.0]
+    assert np.abs(expected - BED).max() > 0.05
+    np.testing.assert_allclose(found["bed"], expected, rtol=2e-7)  # declared as float32
+    columns = found["flow"].reshape(N, -1)
+    np.testing.assert_allclose(columns[:, 0], expected, rtol=1e-14)
+    np.testing.assert_allclose(
+        columns, np.column_stack([expected, -expected])[:, : columns.shape[1]]
+    )
+    untouched = set(found) - {"bed", "flow"}
+    assert "same" in untouched
+    for key in untouched:
+        assert np.array_equal(found[key], other.source.point_data[key])
+    # Without the arrays that are named it is the file that is written with coordinates alone.
+    assert same_outline(out.read_bytes(), name) == same_outline(plain.read_bytes(), name)
+    if name.startswith("binary"):
+        assert out.stat().st_size == path.stat().st_size
+
+
+def same_outline(data, name):
+    """What is no number: lines of text that begin with a letter or a bracket."""
+    if name.endswith(".vtu"):
+        data = data.partition(b"<AppendedData")[0]
+        return [re.sub(rb' offset="\d+"', b"", tag) for tag in re.findall(rb"<[^>]+>", data)]
+    return re.findall(rb"^[a-zA-Z#][ -~]*$", data, re.MULTILINE)
+
+
+def test_as_bytes_only_the_named_array_differs(tmp_path):
+    path = tmp_path / "in.vtk"
+    path.write_bytes(FILES["binary.vtk"])
+    mesh = read_mesh(path)
+    for out, names in (("a.vtk", ()), ("b.vtk", ("flow",))):
+        result = smooth(mesh, "laplacian", max_sweeps=1, interpolate=names)
+        write_mesh(tmp_path / out, result.mesh)
+    a, b = ((tmp_path / out).read_bytes() for out in ("a.vtk", "b.vtk"))
+    begin = a.index(b"flow 2 25 double\n") + len(b"flow 2 25 double\n")
+    end = begin + 16 * N
+    assert a[:begin] + a[end:] == b[:begin] + b[end:]
+    assert a[begin:end] != b[begin:end]
+
+
+def test_another_format_gets_the_new_values(tmp_path):
+    path = tmp_path / "in.vtu"
+    path.write_bytes(FILES["base64.vtu"])
+    result = smooth(read_mesh(path), "laplacian", max_sweeps=1, interpolate="flow")
+    for out in ("out.vtk", "out.ply"):
+        write_mesh(tmp_path / out, result.mesh)
+        data = read_mesh(tmp_path / out).source.point_data
+        flow = data["flow"][:, 0] if "flow" in data else data["flow_0"]
+        np.testing.assert_allclose(flow, 3.0 + result.mesh.xy @ [2.0, -1.0], rtol=1e-14)
+
+
+def test_what_keeps_point_data():
+    assert holds_point_data("vtu")
+    assert holds_point_data("xdmf")
+    assert not holds_point_data("gmsh")

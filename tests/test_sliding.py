@@ -1,0 +1,426 @@
+"""Sliding: vertices stay on their lines, in order and near them; what is a corner stays."""
+
+import math
+from fractions import Fraction
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from meshes import annulus, grid
+from promises import invalid_cells
+from qsmooth import Mesh, limits, read_mesh, smooth, untangle
+from qsmooth.kernels.geometry import orientation
+from qsmooth.numbering import numbered
+from qsmooth.registry import all_methods
+
+every_method = pytest.mark.parametrize("known", all_methods().values(), ids=all_methods())
+
+
+def bay(n, amount, height=0.1, seed=0, regions=None):
+    """A square with a wavy shore above, vertices shaken along the boundary and inside."""
+    rng = np.random.default_rng(seed)
+    points, (quads,) = grid(n, n)
+    shake = rng.uniform(-0.5, 0.5, points.shape) * amount
+    shake[(points == 0) | (points == n)] = 0.0
+    x, y = ((points + shake) / n).T
+    y = y * (1.0 + height * np.sin(2.0 * math.pi * x))
+    return Mesh(np.stack([x, y], axis=1), [quads], regions=regions)
+
+
+def ring(n_around, n_out, amount, seed=0):
+    """A ring whose vertices are shaken around the centre."""
+    points, cells = annulus(n_around, n_out)
+    rng = np.random.default_rng(seed)
+    radius, angle = np.hypot(*points.T), np.arctan2(points[:, 1], points[:, 0])
+    angle += rng.uniform(-0.5, 0.5, len(points)) * amount * 2.0 * math.pi / n_around
+    return Mesh(radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1), cells)
+
+
+def sides(mesh):
+    """The edges with one cell, the cell to their left."""
+    seen = {}
+    for first, last in zip(mesh.cell_offsets[:-1], mesh.cell_offsets[1:], strict=True):
+        cell = mesh.cell_vertices[first:last].tolist()
+        for a, b in zip(cell, [*cell[1:], cell[0]], strict=True):
+            seen[a, b] = True
+    return [(a, b) for a, b in seen if (b, a) not in seen]
+
+
+def turns(mesh):
+    """By how much the boundary turns at each of its vertices, degrees."""
+    after, before = dict(sides(mesh)), {b: a for a, b in sides(mesh)}
+    found = {}
+    for v, w in after.items():
+        u, t = mesh.xy[v] - mesh.xy[before[v]], mesh.xy[w] - mesh.xy[v]
+        found[v] = abs(math.degrees(math.atan2(u[0] * t[1] - u[1] * t[0], u @ t)))
+    return found
+
+
+def distance(p, a, b):
+    d = b - a
+    share = min(max((p - a) @ d / (d @ d), 0.0), 1.0)
+    return float(np.linalg.norm(p - a - share * d)), share
+
+
+def is_on(p, a, b):
+    """Whether p is within an ulp of the segment: in fractions."""
+    (px, py), (ax, ay), (bx, by) = ([Fraction(x) for x in q.tolist()] for q in (p, a, b))
+    dx, dy = bx - ax, by - ay
+    share = ((px - ax) * dx + (py - ay) * dy) / (dx * dx + dy * dy)
+    share = min(max(share, Fraction(0)), Fraction(1))
+    off = (px - ax - share * dx) ** 2 + (py - ay - share * dy) ** 2
+    return off <= Fraction(float(np.spacing(np.abs([*p, *a, *b]).max()))) ** 2
+
+
+def places(before, points):
+    """Where each boundary vertex is on the boundary that it was on: a side, and a share of it."""
+    old = sides(before)
+    found = {}
+    for v, _ in old:
+        best = min(old, key=lambda side: distance(points[v], *before.xy[list(side)])[0])
+        assert is_on(points[v], *before.xy[list(best)]), f"vertex {v} is beside the boundary"
+        found[v] = best, distance(points[v], *before.xy[list(best)])[1]
+    return found
+
+
+def check_slid(before, points, tolerance, corner_angle=20.0):
+    """Boundary vertices are on the old boundary, in order and near it; corners did not move."""
+    found, after, turning = places(before, points), dict(sides(before)), turns(before)
+    for v, turn in turning.items():
+        if turn > corner_angle:
+            assert points[v].tobytes() == before.xy[v].tobytes(), f"corner {v} moved"
+    for v, w in after.items():
+        # The nodes that the edge leaves out are those between the places of its ends.
+        (here, at), (there, to) = found[v], found[w]
+        node, cut = here[1], []
+        while here != there and node != there[0]:
+            cut.append(node)
+            node = after[node]
+            assert len(cut) < len(after), "out of order"
+        if here != there:
+            cut.append(node)
+        else:
+            assert at <= to, "out of order"
+        length = float(np.linalg.norm(points[w] - points[v]))
+        for node in cut:
+            off = distance(before.xy[node], points[v], points[w])[0]
+            assert off <= tolerance * length * (1.0 + 1e-9) + 1e-15, f"far from node {node}"
+
+
+def crossings(points, edges):
+    """Pairs of edges without a common vertex that have a common point, in exact arithmetic."""
+    found = []
+    for i, (a, b) in enumerate(edges):
+        for c, d in edges[i + 1 :]:
+            low = np.minimum(points[[a, c]], points[[b, d]])
+            high = np.maximum(points[[a, c]], points[[b, d]])
+            apart = (low[0] > high[1]).any() or (low[1] > high[0]).any()
+            if {a, b} & {c, d} or apart:
+                continue
+            p, q, r, s = (tuple(points[v]) for v in (a, b, c, d))
+            if (
+                orientation(*p, *q, *r) * orientation(*p, *q, *s) <= 0
+                and orientation(*r, *s, *p) * orientation(*r, *s, *q) <= 0
+            ):
+                found.append(((a, b), (c, d)))
+    return found
+
+
+MESHES = st.builds(
+    bay,
+    st.integers(4, 9),
+    st.floats(0.0, 0.9),
+    st.sampled_from([0.0, 0.05, 0.15]),
+    st.integers(0, 99),
+) | st.builds(ring, st.integers(19, 40), st.integers(2, 4), st.floats(0.0, 0.8), st.integers(0, 99))
+
+
+@every_method
+@given(mesh=MESHES, tolerance=st.sampled_from([0.0, 0.01, 0.05]), share=st.none() | st.just(0.2))
+@settings(max_examples=12)
+def test_boundary_vertices_stay_on_it(known, mesh, tolerance, share):
+    method = known(
+        max_sweeps=40,
+        boundary="slide",
+        outline_tolerance=tolerance,
+        max_move_share=share,
+        threads=1,
+    )
+    if method.why_not(mesh):
+        return
+    valid = not invalid_cells(mesh).any()
+    result = smooth(mesh, method)
+    check_slid(mesh, result.points, tolerance)
+    told = result.outcome.sliding
+    assert told.deviation_share <= tolerance * (1.0 + 1e-9) + 1e-14
+    moved = (result.points != mesh.points).any(axis=1) & mesh.is_boundary
+    assert told.slid == moved.sum()
+    assert told.may_slide >= told.slid
+    assert told.boundary_vertices == mesh.is_boundary.sum()
+    if method.guards and valid:
+        assert not invalid_cells(result.mesh).any()
+        assert not crossings(result.points, sides(mesh))
+    elif method.guards:
+        assert invalid_cells(result.mesh).sum() <= invalid_cells(mesh).sum()
+
+
+@pytest.mark.parametrize("method", ["optimize", "star", "smart-laplacian"])
+def test_what_slides_gets_better(method):
+    mesh = bay(12, 0.6)
+    # The worst cells may cost of the mean what sliding gains.
+    options = {"worst": False} if method == "optimize" else {}
+    fixed, slid = (smooth(mesh, method, boundary=how, **options) for how in ("fixed", "slide"))
+    assert slid.quality_after.shape.mean() > fixed.quality_after.shape.mean() + 1e-3
+    assert slid.outcome.sliding.slid > 30
+    assert fixed.outcome.sliding is None
+
+
+@pytest.mark.parametrize("method", ["optimize", "star"])
+def test_neither_threads_nor_numbering_change_a_bit(method):
+    mesh = bay(10, 0.7)
+    points = smooth(mesh, method, boundary="slide", threads=1).points
+    assert smooth(mesh, method, boundary="slide", threads=2).points.tobytes() == points.tobytes()
+    with numbered("curve"):
+        inside = smooth(mesh, method, boundary="slide").points
+    assert inside.tobytes() == points.tobytes()
+
+
+def test_untangling_slides_where_moving_the_others_is_not_enough():
+    """All vertices are on the boundary; one above is too far to the left for a bend below."""
+    lower = [(0.0, 0.0), (1.0, 0.15), (2.0, 0.0)]
+    upper = [(0.0, 0.2), (0.2, 0.2), (2.0, 0.2)]
+    mesh = Mesh(lower + upper, [[0, 1, 4, 3], [1, 2, 5, 4]])
+    fixed = untangle(mesh)
+    assert fixed.quality_after.n_invalid == 1
+    assert fixed.outcome.invalid.proven == 1
+    result = untangle(mesh, boundary="slide")
+    assert not result.quality_after.n_invalid
+    assert result.points[4, 0] > 0.6
+    check_slid(mesh, result.points, 0.01)
+
+
+def two_shores(gap):
+    """Two parts with a narrow gap between them; their shores run side by side, with a bend."""
+    x = np.array([0.0, 0.4, 0.8, 2.2, 3.0])
+    shore = 0.03 * np.minimum(x, 1.6 - x)
+    lower = np.stack([np.tile(x, 2), np.r_[np.full(5, -1.0), shore - gap]], axis=1)
+    upper = np.stack([np.tile(x, 2), np.r_[shore, np.full(5, 1.0)]], axis=1)
+    quads = np.array([[k, k + 1, k + 6, k + 5] for k in range(4)])
+    return lower, upper, quads
+
+
+def test_no_edge_crosses_another_over_a_narrow_gap():
+    lower, upper, quads = two_shores(1e-3)
+    # What would hold angles keeps vertices at the bend.
+    options = {"boundary": "slide", "outline_tolerance": 0.05, "guard": "clearance"}
+    both = Mesh(np.concatenate([lower, upper]), [np.concatenate([quads, quads + 10])])
+    # Alone the upper part goes to where the lower part is.
+    alone = smooth(Mesh(upper, [quads]), "smart-laplacian", **options).points
+    naive = both.points.copy()
+    naive[10:] = alone
+    assert crossings(naive, sides(both))
+    result = smooth(both, "smart-laplacian", **options)
+    assert not crossings(result.points, sides(both))
+    assert result.outcome.sliding.slid > 0
+    check_slid(both, result.points, 0.05)
+
+
+def test_a_loop_without_corners_keeps_one_vertex():
+    mesh = ring(24, 2, 0.4)
+    result = smooth(mesh, "star", boundary="slide")
+    stays = (result.points == mesh.points).all(axis=1) & mesh.is_boundary
+    assert result.outcome.sliding.may_slide == mesh.is_boundary.sum() - 2
+    assert stays.sum() >= 2
+
+
+def test_corners_are_by_angle():
+    mesh = bay(8, 0.5)
+    told = [
+        smooth(mesh, "star", boundary="slide", corner_angle=angle).outcome.sliding
+        for angle in (0.0, 20.0, 170.0)
+    ]
+    straight = sum(turn == 0.0 for turn in turns(mesh).values())
+    assert told[0] is None or told[0].may_slide <= straight
+    assert told[1].may_slide == sum(turn <= 20.0 for turn in turns(mesh).values())
+    assert told[2].may_slide == mesh.is_boundary.sum() - 1  # a loop keeps one
+
+
+def test_what_is_fixed_selected_or_has_a_direction_does_not_slide():
+    mesh = bay(8, 0.5)
+    fixed = Mesh(mesh.points, mesh.cells, fixed=mesh.points[:, 0] < 0.5)
+    directions = np.full((mesh.n_vertices, 2), np.nan)
+    directions[mesh.points[:, 0] < 0.5] = (0.0, 1.0)
+    for given_mesh, options in (
+        (fixed, {}),
+        (mesh, {"fixed": "x < 0.5"}),
+        (mesh, {"directions": directions}),
+    ):
+        result = smooth(given_mesh, "star", boundary="slide", **options)
+        left = mesh.is_boundary & (mesh.points[:, 0] < 0.5)
+        assert result.points[left].tobytes() == mesh.points[left].tobytes()
+        assert (result.points != mesh.points)[mesh.is_boundary & ~left].any()
+
+
+def test_interfaces_slide_along_themselves():
+    n = 10
+    regions = (np.arange(n * n) % n >= n // 2).astype(int)
+    mesh = bay(n, 0.5, regions=regions)
+    line = np.flatnonzero(mesh.is_interface)
+    for method in ("optimize", "smart-laplacian"):
+        result = smooth(mesh, method, interfaces="slide")
+        told = result.outcome.sliding
+        assert (told.may_slide, told.interface_vertices) == (0, n - 1 - corners_on(mesh, line))
+        assert told.interface_slid > 0
+        assert result.points[mesh.is_boundary].tobytes() == mesh.points[mesh.is_boundary].tobytes()
+        old = list(pairwise(line))
+        for v in line:
+            near = min(old, key=lambda e: distance(result.points[v], *mesh.xy[list(e)])[0])
+            assert is_on(result.points[v], *mesh.xy[list(near)])
+
+
+def corners_on(mesh, line):
+    u, w = mesh.xy[line[1:-1]] - mesh.xy[line[:-2]], mesh.xy[line[2:]] - mesh.xy[line[1:-1]]
+    cross = u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0]
+    return int((np.abs(np.degrees(np.arctan2(cross, (u * w).sum(axis=1)))) > 20.0).sum())
+
+
+def test_ends_of_line_cells_stay(tmp_path):
+    n = 8
+    mesh = bay(n, 0.5, height=0.0)
+    rows = [f"{i + 1} {x:.17g} {y:.17g} 0" for i, (x, y) in enumerate(mesh.points.tolist())]
+    walls = [(i, i + 1, 7 if i < 3 else 8) for i in range(n)]
+    cells = [f"{k + 1} 1 2 {tag} 1 {a + 1} {b + 1}" for k, (a, b, tag) in enumerate(walls)]
+    cells += [
+        f"{n + k + 1} 3 2 1 1 {' '.join(str(v + 1) for v in quad)}"
+        for k, quad in enumerate(mesh.cells[0].tolist())
+    ]
+    text = [
+        "$MeshFormat",
+        "2.2 0 8",
+        "$EndMeshFormat",
+        "$Nodes",
+        str(len(rows)),
+        *rows,
+        "$EndNodes",
+    ]
+    text += ["$Elements", str(len(cells)), *cells, "$EndElements", ""]
+    path = tmp_path / "walls.msh"
+    path.write_text("\n".join(text))
+    points = smooth(read_mesh(path), "star", boundary="slide").points[:, :2]
+    moved = (points != mesh.points).any(axis=1)
+    assert not moved[3]
+    assert moved[[1, 2, 4, 5]].all()
+
+
+# ------------------------------------------------------------------------------- curves
+
+
+def circle(k, radius):
+    angle = np.linspace(0.0, 2.0 * math.pi, k + 1)
+    places = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    places[-1] = places[0]
+    return places
+
+
+@pytest.mark.parametrize("method", ["optimize", "star"])
+@pytest.mark.parametrize("how", ["polylines", "reversed", "function"])
+def test_a_curve_takes_the_place_of_the_outline(method, how):
+    mesh = ring(24, 3, 0.5, seed=1)
+    curve = [circle(500, 1.0), circle(700, 2.0)]
+    if how == "reversed":
+        curve = [one[::-1] for one in curve]
+    elif how == "function":
+
+        def curve(places):
+            radius = np.hypot(*places.T)
+            return places / radius[:, None] * np.where(radius < 1.5, 1.0, 2.0)[:, None]
+
+    # By a little beside the curve.
+    points = mesh.points * np.where(mesh.is_boundary, 1.001, 1.0)[:, None]
+    mesh = mesh.with_points(points)
+    result = smooth(mesh, method, boundary="slide", curve=curve)
+    told = result.outcome.sliding
+    assert (told.beside, told.slid) == (0, told.may_slide)
+    slid = (result.points != mesh.points).any(axis=1) & mesh.is_boundary
+    radius = np.hypot(*result.points[slid].T)
+    off = np.minimum(np.abs(radius - 1.0), np.abs(radius - 2.0))
+    assert off.max() < 1e-4
+    assert not result.quality_after.n_invalid
+
+
+def test_a_curve_far_away_leaves_the_outline_as_it_is():
+    mesh = bay(8, 0.4)
+    far = smooth(mesh, "star", boundary="slide", curve=circle(50, 30.0))
+    own = smooth(mesh, "star", boundary="slide")
+    assert far.points.tobytes() == own.points.tobytes()
+
+
+def test_curves_are_read_from_files(tmp_path):
+    from qsmooth.curves import parse_curve
+
+    path = tmp_path / "coast.xy"
+    path.write_text("# a coast\n0 0\n# of two parts\n1, 2 # the first\n \n3 4\n5 6\n7 8\n")
+    assert [one.tolist() for one in parse_curve(str(path))] == [
+        [[0, 0], [1, 2]],
+        [[3, 4], [5, 6], [7, 8]],
+    ]
+    for text in ("1 2 3\n4 5 6", "a b\nc d", "1 2", "1 2\n3 nan", ""):
+        path.write_text(text)
+        with pytest.raises(ValueError, match=r"lines x y .*'.*coast\.xy' is none"):
+            parse_curve(str(path))
+    with pytest.raises(ValueError, match=r"cannot read '.*none': No such file"):
+        parse_curve(str(tmp_path / "none"))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"curve": [[0.0, 0.0], [1.0, 1.0]]}, "needs"),
+        ({"boundary": "slide", "curve": [[0.0, 0.0]]}, "places"),
+        ({"boundary": "slide", "curve": [[0.0, math.nan], [1.0, 1.0]]}, "places"),
+        ({"boundary": "slide", "curve": "coast"}, "places"),
+        ({"interfaces": "slide", "keep_interfaces": False}, "one of the two"),
+        ({"boundary": "slip"}, "slide"),
+    ],
+)
+def test_what_does_not_go_together_is_told(options, message):
+    with pytest.raises(ValueError, match=message):
+        smooth(bay(4, 0.2), "star", **options)
+
+
+# ------------------------------------------------------------------------------- limits
+
+
+def test_limits_stay_proofs():
+    """A corner's angle stays given, and a straight boundary's is half a turn, shared."""
+    mesh = bay(6, 0.5, height=0.0)
+    result = smooth(mesh, boundary="slide", target="ideal")
+    told = result.outcome.limits
+    assert told.min_angle == pytest.approx(90.0, abs=1e-6)
+    assert told.max_angle == pytest.approx(90.0, abs=1e-6)
+    assert told.reached_max_angle < limits(mesh).reached_max_angle
+
+
+def test_a_sharp_corner_between_sliding_vertices_bounds_the_angle():
+    points, (quads,) = grid(6, 6)
+    x, y = points.T / 6.0
+    mesh = Mesh(np.stack([x + 0.8 * y, 0.6 * y], axis=1), [quads])
+    told = smooth(mesh, boundary="slide", target="ideal").outcome.limits
+    corner = math.degrees(math.atan2(0.6, 0.8))
+    assert told.min_angle == pytest.approx(corner, abs=1e-6)
+    assert told.min_angle_vertex in (0, 48)
+    assert "fixed boundary vertices" in str(told)
+
+
+def test_a_real_shore(shared_meshes):
+    mesh = read_mesh(shared_meshes / "superior_hohq_1505.obj", surface="flat")
+    fixed, slid = (smooth(mesh, boundary=how, max_sweeps=200) for how in ("fixed", "slide"))
+    told = slid.outcome.sliding
+    assert told.slid > 0
+    assert told.deviation_share <= 0.01 * (1.0 + 1e-9)
+    assert slid.quality_after.shape.mean() > fixed.quality_after.shape.mean()
+    assert slid.quality_after.min_angle.min() >= fixed.quality_before.min_angle.min() - 1e-9
+    check_slid(Mesh(mesh.points[:, :2], mesh.cells), slid.points[:, :2], 0.01)
