@@ -175,8 +175,9 @@ def edge_twins(
     """
     twins = np.full(cell_vertices.size, -1, np.int64)
     scratch = np.full((2, star_offsets.size - 1), -1, np.int64)
-    given = cell_offsets, cell_vertices, star_offsets, star_cells, star_corners
-    n_bad, first_bad = _fill_twins(*map(_read_only, given), scratch, twins)
+    cells = _read_only(cell_offsets), _read_only(cell_vertices)
+    stars = _read_only(star_offsets), _read_only(star_cells), _read_only(star_corners)
+    n_bad, first_bad = _fill_twins(*cells, *stars, scratch, twins)
     return twins, n_bad, first_bad
 
 
