@@ -47,8 +47,10 @@ def other_value(spec):
         return "initial", [flag, "initial"]
     if spec.name == "directions":
         return (0.0, 1.0), [flag, "0,1"]
-    if spec.name in ("fixed_file", "curve"):
+    if spec.name == "fixed_file":
         return "file.txt", [flag, "file.txt"]
+    if spec.name == "curve":
+        return [[[0.0, 0.0], [1.0, 1.0]]], [flag, "curve.xy"]
     if spec.kind == "object":
         return [0, 1], [flag, "0,1"]
     low, high = spec.interval.low, min(spec.interval.high, spec.interval.low + 1e6)
@@ -80,7 +82,10 @@ def test_every_option_of_every_method_arrives(call, mesh_file, tmp_path, monkeyp
     monkeypatch.setattr("qsmooth.cli.running.replace", lambda made, **_: seen.append(made) or made)
     monkeypatch.setattr(method, "run", lambda *_: 1 / 0)
     value, words = other_value(spec)
-    with_it = {"worst_fraction": 0.5} if spec.name == "worst_first" else {}  # which it needs
+    needs = {"worst_first": {"worst_fraction": 0.5}, "curve": {"boundary": "slide"}}
+    with_it = needs.get(spec.name, {})
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "curve.xy").write_text("0 0\n1 1\n")
     words += [word for name, given in with_it.items() for word in (spell(name), given)]
     out = tmp_path / "out.off"
     if spec.name == "interpolate":
@@ -89,7 +94,8 @@ def test_every_option_of_every_method_arrives(call, mesh_file, tmp_path, monkeyp
     code, _, err = call(name, mesh_file, "-o", out, *more, *words)
     assert code == 2
     assert "ZeroDivisionError" in err  # it came as far as the run
-    assert getattr(seen[0], spec.name) == value
+    arrived = getattr(seen[0], spec.name)
+    assert ([one.tolist() for one in arrived] if spec.name == "curve" else arrived) == value
     others = set(seen[0].given()) - {spec.name}
     assert others == set(with_it)
 
