@@ -55,6 +55,12 @@ def test_constraints_as_in_python(call, vtu_file, tmp_path, monkeypatch, words, 
     assert set(facts["options"]) == {"sweeps", *names}
 
 
+@pytest.mark.parametrize("nothing", ["", " , "])
+def test_fixed_that_names_nothing(fails, vtu_file, tmp_path, nothing):
+    message = fails("smooth", vtu_file, "-o", tmp_path / "out.vtu", "--fixed", nothing)
+    assert message.startswith("--fixed names no vertex")
+
+
 def test_names_of_the_file(call, fails, tmp_path):
     path, out_file = tmp_path / "groups.msh", tmp_path / "out.msh"
     path.write_text(GMSH.replace("5 1 1 0", "5 1.3 1.2 0"))
