@@ -359,20 +359,20 @@ def test_a_curve_far_away_leaves_the_outline_as_it_is():
 
 
 def test_curves_are_read_from_files(tmp_path):
-    from qsmooth.curves import parse_curve
+    from qsmooth.curves import read_curve
 
     path = tmp_path / "coast.xy"
     path.write_text("# a coast\n0 0\n# of two parts\n1, 2 # the first\n \n3 4\n5 6\n7 8\n")
-    assert [one.tolist() for one in parse_curve(str(path))] == [
+    assert [one.tolist() for one in read_curve(str(path))] == [
         [[0, 0], [1, 2]],
         [[3, 4], [5, 6], [7, 8]],
     ]
     for text in ("1 2 3\n4 5 6", "a b\nc d", "1 2", "1 2\n3 nan", ""):
         path.write_text(text)
         with pytest.raises(ValueError, match=r"lines x y .*'.*coast\.xy' is none"):
-            parse_curve(str(path))
+            read_curve(str(path))
     with pytest.raises(ValueError, match=r"cannot read '.*none': No such file"):
-        parse_curve(str(tmp_path / "none"))
+        read_curve(str(tmp_path / "none"))
 
 
 @pytest.mark.parametrize(
@@ -380,8 +380,9 @@ def test_curves_are_read_from_files(tmp_path):
     [
         ({"curve": [[0.0, 0.0], [1.0, 1.0]]}, "needs"),
         ({"boundary": "slide", "curve": [[0.0, 0.0]]}, "places"),
+        ({"boundary": "slide", "curve": 3.0}, "places"),
         ({"boundary": "slide", "curve": [[0.0, math.nan], [1.0, 1.0]]}, "places"),
-        ({"boundary": "slide", "curve": "coast"}, "places"),
+        ({"boundary": "slide", "curve": "coast"}, "cannot read 'coast'"),
         ({"interfaces": "slide", "keep_interfaces": False}, "one of the two"),
         ({"boundary": "slip"}, "slide"),
     ],

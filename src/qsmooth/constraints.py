@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Literal, Self
 
 import numpy as np
 
 from qsmooth._types import BoolArray, FloatArray
-from qsmooth.curves import checked_curve, parse_curve
+from qsmooth.curves import checked_curve, read_curve
 from qsmooth.kernels.rails import FREE, Rails
 from qsmooth.mesh import Mesh
 from qsmooth.metrics.bounds import Kept, kept_by
@@ -169,10 +170,9 @@ class Constraints(Options):
     curve: Any = opaque(
         None,
         metavar="FILE",
-        parse=parse_curve,
         help="What sliding vertices slide along instead of the mesh's own outline: a finer "
-        "polyline, a line x y for each place, an empty line between two (in Python an array, a "
-        "list of such, or a function that projects places onto a curve).",
+        "polyline, a line x y for each place, an empty line between two (in Python also an array, "
+        "a list of such, or a function that projects places onto a curve).",
     )
     max_move: float | None = option(
         None,
@@ -197,7 +197,9 @@ class Constraints(Options):
         if isinstance(self.selection, str):
             parse_selection(self.selection)
         if self.curve is not None:
-            object.__setattr__(self, "curve", checked_curve(self.curve))
+            is_file = isinstance(self.curve, (str, Path))
+            curve = read_curve(self.curve) if is_file else checked_curve(self.curve)
+            object.__setattr__(self, "curve", curve)
             if "slide" not in (self.boundary, self.interfaces):
                 raise OptionError("`curve` needs `boundary='slide'` or `interfaces='slide'`")
         if self.interfaces == "slide" and not self.keep_interfaces:

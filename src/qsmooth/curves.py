@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -31,7 +32,7 @@ ROUNDING = 1e-9
 PAIRS = 1_000_000
 
 
-def parse_curve(text: str) -> list[FloatArray]:
+def read_curve(path: str | Path) -> list[FloatArray]:
     """Read curves from a file: a line of x and y for each place, an empty line between two curves;
     what follows a # does not count.
 
@@ -40,7 +41,7 @@ def parse_curve(text: str) -> list[FloatArray]:
     OptionError
         If there is no such file, or something else in it.
     """
-    rows = text_of(text, "curve").replace(",", " ").splitlines()
+    rows = text_of(path, "curve").replace(",", " ").splitlines()
     curves: list[list[list[str]]] = [[]]
     for row in rows:
         words = row.partition("#")[0].split()
@@ -54,7 +55,7 @@ def parse_curve(text: str) -> list[FloatArray]:
     except ValueError:
         raise OptionError(
             "`curve` takes a file of places, lines x y of finite numbers, two or more for each "
-            f"curve; '{text}' is none"
+            f"curve; '{path}' is none"
         ) from None
 
 

@@ -204,6 +204,8 @@ def check_vertices(given: Any) -> None:
         If it is neither text, nor several, nor ids, nor a mask.
     """
     if isinstance(given, str) or _are_texts(given):
+        if isinstance(given, str) and not given.strip(" ,"):
+            raise OptionError(f"`fixed` names no vertex: {given!r}")
         return
     array = np.asarray(given)
     if array.size and (array.dtype.kind not in "biu" or array.ndim != 1):

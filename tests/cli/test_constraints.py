@@ -55,6 +55,12 @@ def test_constraints_as_in_python(call, vtu_file, tmp_path, monkeypatch, words, 
     assert set(facts["options"]) == {"sweeps", *names}
 
 
+@pytest.mark.parametrize("nothing", ["", " , "])
+def test_fixed_that_names_nothing(fails, vtu_file, tmp_path, nothing):
+    message = fails("smooth", vtu_file, "-o", tmp_path / "out.vtu", "--fixed", nothing)
+    assert message.startswith("--fixed names no vertex")
+
+
 def test_names_of_the_file(call, fails, tmp_path):
     path, out_file = tmp_path / "groups.msh", tmp_path / "out.msh"
     path.write_text(GMSH.replace("5 1 1 0", "5 1.3 1.2 0"))
@@ -74,6 +80,22 @@ def test_names_of_the_file(call, fails, tmp_path):
     assert "there is no region 9; the regions of the mesh are 3, 4, water, Sand Bank" in message
     message = fails("smooth", path, "-o", tmp_path / "new.msh", "--directions", "wind")
     assert message.startswith("--directions takes a vector such as 1,0")
+
+
+def test_a_curve_is_a_file(call, vtu_file, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.0, 0.0]]
+    (tmp_path / "square.xy").write_text("".join(f"{x} {y}\n" for x, y in corners))
+    out_file = tmp_path / "out.vtu"
+    words = "--boundary", "slide", "--curve", "square.xy", "--sweeps", 2
+    code, out, _ = call("smooth", vtu_file, "-o", out_file, "-m", "star", *words, "--json", "-")
+    assert code == 0
+    options = {"sweeps": 2, "boundary": "slide", "curve": "square.xy"}
+    assert json.loads(out)["options"] == options
+    mesh, points = read_mesh(vtu_file), read_mesh(out_file).points
+    for curve in (corners, tmp_path / "square.xy"):
+        same = smooth(mesh, "star", max_sweeps=2, boundary="slide", curve=curve)
+        assert points.tobytes() == same.points.tobytes()
 
 
 def test_flags_are_spelled_as_in_a_shell(fails, vtu_file, tmp_path):

@@ -251,6 +251,7 @@ class Stepper:
         self._rails = self._freedom.rails()
         self._engine = threads_for(method.threads, max(1, self._freedom.n_movable))
         self.figures = Figures(self.inside.topology, self._freedom.movable)
+        self._dirty = self.figures.dirty  # of the cells that are swept
         self._sweeper = self._sweeper_of(mesh)
         self.resting = self._sweeper.resting
         self._left = 0
@@ -268,6 +269,7 @@ class Stepper:
         if (cut := method.cut(mesh)) is not mesh:
             swept = Inside(cut, inside)
             figures = Figures(swept.topology, movable)
+            self._dirty = figures.dirty
             stars = swept.topology.schedule_of(movable)
             cells = None if cells is None else np.repeat(cells, mesh.topology.cell_sizes - 2)
         setting = Setting(
@@ -282,7 +284,7 @@ class Stepper:
         """
         resting, figures, sweeper = self.resting, self.figures, self._sweeper
         with self._engine.running():
-            if not resting.take_in(given, figures.dirty):
+            if not self._take_in(given):
                 return None
             figures.look(resting.xy)
             if most > 0:
@@ -323,7 +325,7 @@ class Stepper:
         """
         resting, topology = self.resting, self.inside.topology
         awake = resting.awake.copy()
-        resting.take_in(xy, self.figures.dirty)
+        self._take_in(xy)
         resting.awake[:] = awake
         self.figures.look(resting.xy)
         lost = self.figures.invalid() & ~was_invalid & self._method.guards
@@ -346,6 +348,13 @@ class Stepper:
         resting.awake[:] = resting.of_blocks(inside.at_vertices(awake))
         resting.low[:] = resting.of_blocks(inside.at_vertices(low))
 
+    def _take_in(self, xy: FloatArray) -> bool:
+        """Go to other coordinates, and note which cells to measure again; as `Resting.take_in`."""
+        taken = self.resting.take_in(xy, self._dirty)
+        if self._dirty is not self.figures.dirty:
+            self.figures.dirty[:] = True
+        return taken
+
     def _follow(self, given: FloatArray) -> None:
         """Let the vertices go on with the boundary, if that costs no corner."""
         resting, figures = self.resting, self.figures
@@ -355,11 +364,11 @@ class Stepper:
         if trial is None:
             return
         worst = figures.worst if not figures.n_invalid else None
-        resting.take_in(trial, figures.dirty)
+        self._take_in(trial)
         figures.look(resting.xy)
         better = not figures.n_invalid if worst is None else figures.no_worse_than(worst)
         if not better:
-            resting.take_in(given, figures.dirty)
+            self._take_in(given)
             figures.look(resting.xy)
 
     def _confine(self) -> None:
@@ -398,6 +407,6 @@ class Stepper:
         freedom = replace(self._freedom, origin=resting.xy.copy(), reach=reach)
         progress = Progress(Untangle(), Quality(self.inside.topology, xy.copy()))
         untangle(Ground(self.inside, freedom, self._engine), xy, progress)
-        resting.take_in(xy, figures.dirty)
+        self._take_in(xy)
         figures.look(resting.xy)
         self._left = figures.n_invalid
