@@ -48,6 +48,17 @@ def test_a_linear_sea_bed_stays_exact(mesh, method):
         assert record.rms == pytest.approx(np.sqrt((error[moved] ** 2).mean()), rel=1e-12)
 
 
+def test_what_a_callback_raises_has_the_depth_too(mesh):
+    def callback(record):
+        raise RuntimeError
+
+    with pytest.raises(RuntimeError) as error:
+        smooth(mesh, "star", callback=callback)
+    result = error.value.result
+    assert (result.points != mesh.points).any()
+    np.testing.assert_allclose(result.points[:, 2], bed(result.points), rtol=1e-14)
+
+
 def test_a_linear_sea_bed_of_a_lake():
     given = lake(1000)
     mesh = flat(given.points, given.cells)

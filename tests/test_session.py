@@ -276,11 +276,14 @@ def test_what_could_slide_stays_where_the_host_puts_it():
 def test_quads_cut_in_two():
     mesh = jittered(8, 8, seed=7)
     points = mesh.points.copy()
-    record = Smoother(mesh, "aspect-ratio", split_quads=True).step(points)
-    found = quality(mesh.with_points(points))
-    assert record.valid == (found.n_invalid == 0)
-    assert record.scaled_jacobian == pytest.approx(found.scaled_jacobian.min(), rel=1e-12)
-    assert not np.array_equal(points, mesh.points)
+    smoother = Smoother(mesh, "aspect-ratio", split_quads=True)
+    for sweeps in (3, 0):
+        record = smoother.step(points, max_sweeps=sweeps)
+        found = quality(mesh.with_points(points))
+        assert record.valid == (found.n_invalid == 0)
+        assert record.scaled_jacobian == pytest.approx(found.scaled_jacobian.min(), rel=1e-12)
+        assert not np.array_equal(points, mesh.points)
+        points[40] += (0.03, 0.02)
 
 
 def test_points_in_a_tilted_plane():

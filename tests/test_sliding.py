@@ -343,7 +343,8 @@ def test_a_curve_takes_the_place_of_the_outline(method, how):
     mesh = mesh.with_points(points)
     result = smooth(mesh, method, boundary="slide", curve=curve)
     told = result.outcome.sliding
-    assert (told.beside, told.slid) == (0, told.may_slide)
+    assert (told.beside, told.slid, told.on_curve) == (0, told.may_slide, True)
+    assert "off the curve by at most" in result.reason
     slid = (result.points != mesh.points).any(axis=1) & mesh.is_boundary
     radius = np.hypot(*result.points[slid].T)
     off = np.minimum(np.abs(radius - 1.0), np.abs(radius - 2.0))
@@ -356,6 +357,7 @@ def test_a_curve_far_away_leaves_the_outline_as_it_is():
     far = smooth(mesh, "star", boundary="slide", curve=circle(50, 30.0))
     own = smooth(mesh, "star", boundary="slide")
     assert far.points.tobytes() == own.points.tobytes()
+    assert not far.outcome.sliding.on_curve
 
 
 def test_curves_are_read_from_files(tmp_path):

@@ -276,6 +276,19 @@ def test_whatever_is_not_true_goes_on():
     assert len(told) == result.sweeps == 3
 
 
+@pytest.mark.nojit
+def test_no_work_begins_that_would_end_too_late(monkeypatch):
+    from qsmooth.methods import watching
+
+    now = [0.0]
+    monkeypatch.setattr(watching, "clock", lambda: now[0])
+    watch, stops = watching.Watch(all_methods()["star"](time_limit=10.0)), []
+    for _ in range(2):
+        now[0] += 4.0
+        stops.append(watch.stop())
+    assert stops == [None, Stop.TIME_LIMIT]  # a third would end at 12
+
+
 @pytest.mark.parametrize("name", ["star", "optimize"])
 @pytest.mark.parametrize("limit", [7.0, 40.0, 95.0])
 def test_a_time_limit_is_held_to_a_tenth(monkeypatch, name, limit):

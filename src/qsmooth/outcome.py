@@ -262,6 +262,8 @@ class Sliding:
     deviation, deviation_share
         Largest distance of an edge from the line that it stands for, a length; and the largest as a
         share of its edge.
+    on_curve
+        Whether that line is a curve that was given, and not the mesh's own.
     """
 
     boundary_vertices: int
@@ -272,6 +274,7 @@ class Sliding:
     beside: int = 0
     deviation: float = 0.0
     deviation_share: float = 0.0
+    on_curve: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -37,6 +37,8 @@ class Chains:
         the last of a chain is 1.
     off : (n_entries,)
         Whether a vertex is beside its line, whose nearest place that is.
+    on_curve
+        Whether the lines are parts of a curve that was given.
     """
 
     vertices: IndexArray
@@ -46,6 +48,7 @@ class Chains:
     segments: IndexArray
     fractions: FloatArray
     off: BoolArray
+    on_curve: bool = False
 
     @property
     def inner(self) -> IndexArray:
@@ -106,6 +109,10 @@ def find_chains(
         segments=_joined([s + line[1] for s, line in zip(starts, lines, strict=False)], np.int64),
         fractions=_joined([line[2] for line in lines], np.float64),
         off=_joined([line[3] for line in lines], np.bool_),
+        on_curve=any(
+            not np.array_equal(line[0], mesh.xy[chain])
+            for (_, chain), line in zip(found, lines, strict=True)
+        ),
     )
 
 

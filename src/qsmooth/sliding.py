@@ -314,6 +314,7 @@ class Slider:
             beside=int(outline.off[chains.inner].sum()),
             deviation=float(far[:, 0].max(initial=0.0)),
             deviation_share=float(far[:, 1].max(initial=0.0)),
+            on_curve=chains.on_curve,
         )
 
 

@@ -182,9 +182,10 @@ def _slid(sliding: Sliding | None) -> list[str]:
         counts.append(f"{sliding.interface_slid} of {of} on lines inside that may slide did")
     if counts and sliding.deviation_share > ROUNDING:
         percent = 100.0 * sliding.deviation_share
-        counts.append(f"the outline moved by at most {percent:.2g} % of the local edge")
+        what = "edges are off the curve" if sliding.on_curve else "the outline moved"
+        counts.append(f"{what} by at most {percent:.2g} % of the local edge")
     elif counts:
-        counts.append("the outline is where it was")
+        counts.append(f"the outline is {'on the curve' if sliding.on_curve else 'where it was'}")
     if sliding.beside:
         beside = plural(sliding.beside, "vertex", "vertices")
         counts.append(f"{beside} could not be brought onto the curve")

@@ -14,6 +14,27 @@ def test_where_nothing_is_held_back_nothing_is_told():
     assert smooth(structured(4, 4), "optimize", max_sweeps=40).outcome.held == ()
 
 
+def test_where_what_is_held_lets_nothing_move_that_is_told():
+    # Rings around a point, unevenly apart: every quad has the largest angle of all, and any vertex
+    # that moved by itself would make one larger.
+    n, radii = 24, np.array([0.1, 0.2, 0.3, 0.9, 1.0])
+    turn = 2.0 * np.pi * np.arange(n) / n
+    circle = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    points = np.concatenate([[[0.0, 0.0]], *(r * circle for r in radii)])
+    at, after = np.arange(n), np.roll(np.arange(n), -1)
+    fan = np.stack([np.zeros(n, int), 1 + at, 1 + after], axis=1)
+    quads = [
+        np.stack(
+            [1 + k * n + at, 1 + (k + 1) * n + at, 1 + (k + 1) * n + after, 1 + k * n + after], 1
+        )
+        for k in range(len(radii) - 1)
+    ]
+    result = smooth((points, [fan, np.concatenate(quads)]), target="ideal")
+    assert result.outcome.unchanged
+    assert [held.figure for held in result.outcome.held] == ["max_angle"]
+    assert "keeps" in result.reason
+
+
 def test_what_is_held_back_is_told_with_the_cell_that_would_get_worse():
     mesh = bump(60, height=0.8, width=0.1)
     seen = promises.check(mesh, Optimize(hold="aspect_ratio")).result

@@ -110,8 +110,14 @@ class Method(Constraints):
         `chosen` says why this method was taken, for the outcome; `known` is for `run`.
         """
         require_data(mesh, self.interpolate)
-        result = self.run(mesh, chosen, *known)
-        return carried(mesh, result, self.carry, self.interpolate, self.threads)
+        given = self.carry, self.interpolate, self.threads
+        try:
+            return carried(mesh, self.run(mesh, chosen, *known), *given)
+        except Exception as error:
+            so_far = getattr(error, "result", None)
+            if isinstance(so_far, SmoothResult):  # of a callback that raised
+                error.result = carried(mesh, so_far, *given)  # type: ignore[attr-defined]
+            raise
 
     def run(self, mesh: Mesh, chosen: str = "") -> SmoothResult:
         """Move the vertices; for derived classes, and called by `smooth`."""

@@ -297,7 +297,11 @@ class Optimize(_Staged):
         lanes.caps.hold(start, self.hold, angles=not self.by_metric)
         worst = lanes.energy(best.xy)[0].max(initial=1.0)
         threshold = LAST_WALL * float(worst) if self.worst else np.inf
-        return kept_from_better(lanes, best.xy, Wall(1.0, threshold, 6))
+        held = kept_from_better(lanes, best.xy, Wall(1.0, threshold, 6))
+        if not held and np.array_equal(best.xy, start):
+            # Nothing has moved at all: then what keeps the mean from getting better is the reason.
+            held = kept_from_better(lanes, best.xy, Wall(1.0, np.inf, 6))
+        return held
 
     def _towards(self, lanes: Lanes, inside: Inside, xy: FloatArray) -> float:
         """Mean quality of coordinates towards what is meant; a function is asked where they are."""
