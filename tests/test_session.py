@@ -284,6 +284,8 @@ def test_quads_cut_in_two():
         assert record.scaled_jacobian == pytest.approx(found.scaled_jacobian.min(), rel=1e-12)
         assert not np.array_equal(points, mesh.points)
         points[40] += (0.03, 0.02)
+    points[40] += (0.3, 0.0)  # over its neighbour
+    assert smoother.step(points).untangled
 
 
 def test_points_in_a_tilted_plane():
