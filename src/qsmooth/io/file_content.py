@@ -71,6 +71,8 @@ class FileContent:
         What else was seen in the file; kept in its own format, lost in any other.
     notes
         What was odd in the file and yet could be read rightly.
+    geographic
+        Whether the file says that its coordinates are longitudes and latitudes in degrees.
     format, ending, data, slots, data_slots
         Where it comes from: name of the format, ending and bytes of the file, place of its
         coordinates and of its point data, by name, as far as that can be written back.
@@ -91,6 +93,7 @@ class FileContent:
     changed: frozenset[str] = frozenset()
     extras: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    geographic: bool = False
     format: str = ""
     ending: str = ""
     data: bytes = b""
