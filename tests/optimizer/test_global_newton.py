@@ -154,7 +154,8 @@ def test_the_energy_may_rise_as_far_as_is_said(monkeypatch):
         solver(mesh).step(xy)
     mesh, rises = mesh.with_points(xy), []
     right = GlobalNewton._direction
-    monkeypatch.setattr(GlobalNewton, "_direction", lambda self, xy, **how: 2.5 * right(self, xy, **how))
+    twice = lambda self, xy, **how: 2.5 * right(self, xy, **how)  # noqa: E731
+    monkeypatch.setattr(GlobalNewton, "_direction", twice)
     for rise in (0.0, 10.0):
         xy = mesh.xy.copy()
         gain = solver(mesh).step(xy, rise)
