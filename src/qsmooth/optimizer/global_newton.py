@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from qsmooth._types import FloatArray
+from qsmooth._types import FloatArray, SingleArray
 from qsmooth.kernels.graphs import Graph
 from qsmooth.kernels.rails import FREE, Rails
 from qsmooth.kernels.stars import Stars
@@ -18,6 +18,9 @@ from qsmooth.topology import Topology
 # The solver stops where so small a share of what the step promises is left: it need not be better
 # than its linear model, and what is left is what sweeps see to.
 TOLERANCE, MOST_ITERATIONS = 1e-1, 30
+# Where what is held leaves no room for such a step, one to the last digits may fit: it keeps what
+# the symmetry of a mesh keeps. Systems up to this size are solved so then, in double precision.
+EXACT, MOST_EXACT_ITERATIONS, MOST_EXACT = 1e-26, 300, 1 << 15
 # Shares of a step that are tried one after the other.
 SHARES = (1.0, 0.5, 0.25, 0.06, 0.015, 4e-3, 1e-3)
 # Vertices of cells that a step would make worse than what is held are put back so often before a
@@ -96,7 +99,13 @@ class GlobalNewton:
         """
         if not self.vertices.size:
             return 0.0
-        direction = self._direction(xy)
+        gain = self._go_along(self._direction(xy), xy, rise)
+        if gain == 0.0 and self.vertices.size <= MOST_EXACT:
+            gain = self._go_along(self._direction(xy, exact=True), xy, rise)
+        return gain
+
+    def _go_along(self, direction: FloatArray, xy: FloatArray, rise: float) -> float:
+        """Take the largest share of a step that is allowed and goes downhill, in place."""
         if not np.isfinite(direction).all():
             return 0.0
         before = self.energy(xy)
@@ -110,26 +119,34 @@ class GlobalNewton:
                 return 1.0 - after / before
         return 0.0
 
-    def _direction(self, xy: FloatArray) -> FloatArray:
-        """Solve for the step, roughly, (n_unknown, 2)."""
+    def _direction(self, xy: FloatArray, *, exact: bool = False) -> FloatArray:
+        """Solve for the step, roughly or to the last digits, (n_unknown, 2)."""
         from qsmooth.kernels.shape_hessian import assemble
 
         # The energy is the same in any unit; single precision is not.
         unit = math.ldexp(1.0, math.frexp(float(np.ptp(xy, axis=0).max()))[1])
         corners, sizes, maps = self._targets
+        values = self._solver.values
+        if exact:
+            values = np.empty(values.shape)
         assemble(
             xy / unit, *self.topology.cells, self._cells, self.unknown, *self._graph, corners,
-            sizes * (unit**2, 1.0), maps, self._gradient, self._solver.values.reshape(-1, 2, 2),
+            sizes * (unit**2, 1.0), maps, self._gradient, values.reshape(-1, 2, 2),
         )  # fmt: skip
-        tangents = self._on_rails(xy, unit)
+        tangents = self._on_rails(xy, unit, values)
+        if exact:
+            self._solver.values[:] = values
         self._solver.prepare()
-        steps = self._solver.solve(-self._gradient, TOLERANCE, MOST_ITERATIONS) * unit
+        end = (EXACT, MOST_EXACT_ITERATIONS) if exact else (TOLERANCE, MOST_ITERATIONS)
+        steps = self._solver.solve(-self._gradient, *end, values) * unit
         if tangents is not None:
             along = (steps * tangents).sum(axis=1, keepdims=True) * tangents
             steps = np.where(tangents.any(axis=1, keepdims=True), along, steps)
         return steps
 
-    def _on_rails(self, xy: FloatArray, unit: float) -> FloatArray | None:
+    def _on_rails(
+        self, xy: FloatArray, unit: float, values: FloatArray | SingleArray
+    ) -> FloatArray | None:
         """Leave the system only the tangents of vertices that may move along one, (n_unknown, 2).
 
         None where all may move anywhere.
@@ -138,9 +155,9 @@ class GlobalNewton:
 
         if not self._rails.origin.size:
             return None
-        tangents, values = np.empty_like(self._gradient), self._solver.values.reshape(-1, 2, 2)
+        tangents, blocks = np.empty_like(self._gradient), values.reshape(-1, 2, 2)
         project_system(
-            xy, self.vertices, *self._graph, self._rails, unit, self._gradient, values, tangents
+            xy, self.vertices, *self._graph, self._rails, unit, self._gradient, blocks, tangents
         )
         return tangents
 

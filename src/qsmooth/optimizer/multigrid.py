@@ -133,7 +133,13 @@ class Multigrid:
         for level, coarse in zip(self._levels, [*self._levels[1:], None], strict=True):
             level.prepare(coarse)
 
-    def solve(self, right: FloatArray, tolerance: float, most: int) -> FloatArray:
+    def solve(
+        self,
+        right: FloatArray,
+        tolerance: float,
+        most: int,
+        values: FloatArray | SingleArray | None = None,
+    ) -> FloatArray:
         """Find roughly the least of ½ xᵀ A x − right · x, (n, 2).
 
         It is a direction downhill, however early it ends.
@@ -148,6 +154,8 @@ class Multigrid:
             where cells differ in size: it is largest where they are small.
         most
             Iterations at most.
+        values : (n_blocks, 4), optional
+            The blocks in double precision, where those that were prepared are too coarse.
 
         Notes
         -----
@@ -157,6 +165,7 @@ class Multigrid:
         from qsmooth.kernels.multigrid import MOST_CHUNKS, go_along, multiply, scalar_product, turn
 
         finest, products = self._levels[0], np.empty(MOST_CHUNKS)
+        values = finest.values if values is None else values
         x, residual, image = np.zeros_like(right), right.copy(), np.empty_like(right)
         with np.errstate(over="ignore"):
             rounded, direction = right.astype(np.float32), np.zeros_like(right)
@@ -166,7 +175,7 @@ class Multigrid:
             scalar_product(residual, downhill, products)
             slope = float(products.sum())
             turn(slope / before if before else 0.0, downhill, direction)
-            multiply(*finest.graph, finest.values, direction, image, products)
+            multiply(*finest.graph, values, direction, image, products)
             bend, before = float(products.sum()), slope
             if not (slope > 0.0 and bend > 0.0):
                 break
