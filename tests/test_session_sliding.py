@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from outlines import MESHES, bay, check_slid, crossings, is_on, ring, sides
 from promises import invalid_cells
-from qsmooth import Mesh, Smoother, Untangle, quality, transfer
+from qsmooth import Mesh, Optimize, Smoother, Star, Untangle, quality, transfer
 from qsmooth.examples import jittered
 from qsmooth.numbering import numbered
 from qsmooth.registry import all_methods
@@ -180,12 +180,12 @@ def test_untangling_slides_where_moving_the_others_is_not_enough():
     lower = [(0.0, 0.0), (1.0, 0.15), (2.0, 0.0)]
     upper = [(0.0, 0.2), (0.2, 0.2), (2.0, 0.2)]
     mesh = Mesh(lower + upper, [[0, 1, 4, 3], [1, 2, 5, 4]])
-    for method in (Untangle(), "optimize", "star"):
+    for known in (Untangle, Optimize, Star):
         points = mesh.points.copy()
-        record = Smoother(mesh, method).step(points)
+        record = Smoother(mesh, known()).step(points)
         assert record.untangled
         assert not record.valid
-        record = Smoother(mesh, method, boundary="slide").step(points)
+        record = Smoother(mesh, known(boundary="slide")).step(points)
         assert record.valid
         check_slid(mesh, points, 0.01)
 

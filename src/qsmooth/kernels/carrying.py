@@ -8,6 +8,8 @@ from qsmooth.kernels.locating import corners_of, find_by_walking, kind_of, put_w
 
 # A place beside a triangle is near it if it is the mean of the corners with no larger weights.
 FARTHEST = 3.0
+# A cell is far from flat where the determinant of each corner is this share of their sum.
+FAR_FROM_FLAT = 1e-6
 
 
 @helper()
@@ -34,8 +36,31 @@ def _towards(
         after = (xy[a, 0] - x) * (py - y) - (xy[a, 1] - y) * (px - x)
         before = (px - x) * (xy[b, 1] - y) - (py - y) * (xy[b, 0] - x)
         if after >= 0.0 and before >= 0.0:
-            return c
-    return stars[1][first]
+            return int(c)
+    return int(stars[1][first])
+
+
+@helper()
+def _surely_holds(
+    xy: FloatArray, cells: tuple[IndexArray, IndexArray], c: int, px: float, py: float
+) -> bool:
+    """Whether a place is in a cell that is far from flat, but for rounding: without a walk."""
+    offsets, vertices = cells
+    first, last = offsets[c], offsets[c + 1]
+    least, total = np.inf, 0.0
+    before = vertices[last - 1]
+    ax, ay = xy[before, 0], xy[before, 1]
+    at = vertices[first]
+    bx, by = xy[at, 0], xy[at, 1]
+    for k in range(first, last):
+        if (bx - ax) * (py - ay) - (by - ay) * (px - ax) < 0.0:
+            return False
+        following = vertices[k + 1 if k + 1 < last else first]
+        dx, dy = xy[following, 0], xy[following, 1]
+        det = (bx - ax) * (dy - by) - (by - ay) * (dx - bx)
+        least, total = min(least, det), total + det
+        ax, ay, bx, by = bx, by, dx, dy
+    return bool(least > FAR_FROM_FLAT * total)
 
 
 @helper()
@@ -47,7 +72,7 @@ def _beyond(
     py: float,
     values: FloatArray,
 ) -> tuple[float, bool]:
-    """The value at a place beside a cell, linearly from its corners; and whether it is that near."""
+    """The value at a place beside a cell, linearly from its corners; and whether it is near."""
     offsets, vertices = cells
     kind = kind_of(xy, vertices, offsets[c], offsets[c + 1])
     i, j, k, _ = corners_of(vertices, offsets[c], offsets[c + 1], kind)
@@ -106,8 +131,9 @@ def carry_values(
         out[v] = values[v]
         if px == xy[v, 0] and py == xy[v, 1]:
             continue
-        start = _towards(xy, cells, stars, v, px, py)
-        c = find_by_walking(xy, offsets, vertices, twins, corner_cells, start, px, py)
+        c = _towards(xy, cells, stars, v, px, py)
+        if not _surely_holds(xy, cells, c, px, py):
+            c = find_by_walking(xy, offsets, vertices, twins, corner_cells, c, px, py)
         if c < 0:
             near = c < -1 and is_boundary[v]
             if near:
