@@ -125,7 +125,7 @@ class Stepper:
             if not self._take_in(given):
                 return None
             resting.begin_step()
-            if self._slider is not None and resting.any_awake:
+            if self._slider is not None and (resting.any_awake or resting.changed.any()):
                 self._slider.start(resting.xy, resting.changed)
             figures.look(resting.xy)
             if most > 0:
