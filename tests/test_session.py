@@ -280,6 +280,14 @@ def test_quads_cut_in_two():
     assert smoother.step(points).untangled
 
 
+def test_what_the_host_folds_where_quads_are_cut_in_two_is_seen_before_a_sweep():
+    mesh = jittered(8, 8, seed=7)
+    points, smoother = mesh.points.copy(), Smoother(mesh, "aspect-ratio", split_quads=True)
+    assert smoother.step(points, max_sweeps=0).valid
+    points[40] += (0.3, 0.0)
+    assert smoother.step(points).untangled
+
+
 def test_points_in_a_tilted_plane():
     flat = jittered(10, 10, seed=8)
     turn_to = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
