@@ -3,13 +3,14 @@
     pytest benchmarks/test_session.py
 
 Targets, on one thread and warm: overhead of a step .1 ms at 2K vertices and 1 ms at 24K; a step of
-the body that turns 1 ms and 10 ms, each valid, with a scaled Jacobian of .5 at least.
+the body that turns 1 ms and 10 ms, each valid, with a scaled Jacobian of .5 at least. Where the
+boundary slides and z is interpolated, a few times that.
 """
 
 import numpy as np
 import pytest
 
-from qsmooth import Smoother, smooth
+from qsmooth import Mesh, Smoother, smooth
 from qsmooth.examples import around_body
 
 pytestmark = pytest.mark.benchmark(group="session")
@@ -30,40 +31,59 @@ class Turning:
         self.places = points[self.body] @ turns
 
 
+# What a session is asked for beside the mesh.
+ASKED = {
+    "boundary stays": {},
+    "boundary slides": {"boundary": "slide"},
+    "z is interpolated": {"carry": "interpolate"},
+    "slides, with z": {"boundary": "slide", "carry": "interpolate"},
+}
+
+
 @pytest.fixture(params=SIDES)
 def turning(request, smoke):
     return Turning(8 if smoke else SIDES[request.param], 3 if smoke else STEPS)
 
 
-def test_overhead(benchmark, turning, note):
-    """All that a step does but its sweeps, of a mesh whose body has just moved."""
-    mesh, smoother = turning.mesh, Smoother(turning.mesh, threads=1)
-    points, k = mesh.points.copy(), 0
+def session(turning, options):
+    """A session, and its points after a first step."""
+    mesh = turning.mesh
+    if "carry" in options:
+        bed = np.sin(3.0 * mesh.points[:, 0])
+        mesh = Mesh(np.column_stack([mesh.points, bed]), mesh.cells, surface="flat")
+    smoother, points = Smoother(mesh, threads=1, **options), mesh.points.copy()
     smoother.step(points)
+    return smoother, points
+
+
+@pytest.mark.parametrize("options", ASKED.values(), ids=ASKED)
+def test_overhead(benchmark, turning, options, note):
+    """All that a step does but its sweeps, of a mesh whose body has just moved."""
+    smoother, points = session(turning, options)
+    k = 0
 
     def call():
         nonlocal k
         k = (k + 1) % len(turning.places)
-        points[turning.body] = turning.places[k % 2]
+        points[turning.body, :2] = turning.places[k % 2]
         smoother.step(points, max_sweeps=0)
 
     benchmark(call)
-    note(mesh, 1, rate=None)
+    note(turning.mesh, 1, rate=None)
 
 
-def test_body_turns(benchmark, turning, note, print_ratio, smoke):
+@pytest.mark.parametrize("options", ASKED.values(), ids=ASKED)
+def test_body_turns(benchmark, turning, options, note, print_ratio, smoke):
     mesh = turning.mesh
     records = []
 
     def start():
-        smoother, points = Smoother(mesh, threads=1), mesh.points.copy()
-        smoother.step(points)
         records.clear()
-        return (smoother, points), {}
+        return session(turning, options), {}
 
     def turn(smoother, points):
         for place in turning.places:
-            points[turning.body] = place
+            points[turning.body, :2] = place
             records.append(smoother.step(points))
 
     benchmark.pedantic(turn, setup=start, rounds=1 if smoke else 3, warmup_rounds=1)

@@ -110,6 +110,51 @@ def carried(
     )
 
 
+class Depths:
+    """z of a flat mesh in steps of a session: interpolated where vertices have moved.
+
+    Parameters
+    ----------
+    mesh
+        Says which vertices the cells have.
+    """
+
+    def __init__(self, mesh: Mesh) -> None:
+        self._mesh, n = mesh, mesh.n_vertices
+        self._given, self._fresh, self._lost = np.empty(n), np.empty(n), np.empty(n, np.int64)
+
+    def carry(self, points: FloatArray, xy: FloatArray, places: FloatArray) -> FloatArray:
+        """Find z where vertices have come to.
+
+        Parameters
+        ----------
+        points, xy : (n_vertices, 3), (n_vertices, 2)
+            Where they were; z there is what is interpolated.
+        places : (n_vertices, 2)
+            Where they are.
+
+        Returns
+        -------
+        (n_vertices,)
+            Overwritten by the next call. Vertices that have not moved keep theirs to the bit;
+            beyond the boundary z goes on as in the cell there.
+        """
+        from qsmooth.kernels.carrying import carry_values
+
+        topology, fresh = self._mesh.topology, self._fresh
+        np.copyto(self._given, points[:, 2])
+        n_lost = carry_values(
+            xy, topology.cells, (topology.star_offsets, topology.star_cells), topology.twins,
+            topology.corner_cells, topology.is_boundary, places, self._given, fresh, self._lost,
+        )  # fmt: skip
+        if n_lost:
+            # Far beyond the boundary, or where the mesh was folded: among all cells.
+            lost = self._lost[:n_lost]
+            located = at_vertices(self._mesh.with_points(points), places[lost], lost, 1)
+            fresh[lost] = located.onto(self._given[:, None], lost)[lost, 0]
+        return fresh
+
+
 def _point_data(mesh: Mesh) -> dict[str, Any]:
     return mesh.source.point_data if isinstance(mesh.source, FileContent) else {}
 

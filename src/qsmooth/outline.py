@@ -57,6 +57,11 @@ class Chains:
         marked[self.offsets[:-1]] = marked[self.offsets[1:] - 1] = False
         return np.flatnonzero(marked)
 
+    @property
+    def ends(self) -> IndexArray:
+        """First and last entry of each chain, (n_chains, 2)."""
+        return np.stack([self.offsets[:-1], self.offsets[1:] - 1], axis=1)
+
     def sliding(self, n_vertices: int) -> BoolArray:
         """Mark the vertices that slide, (n_vertices,)."""
         marked = np.zeros(n_vertices, np.bool_)

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from qsmooth._types import FloatArray
 from qsmooth.adapters import to_mesh
+from qsmooth.carrying import Depths
 from qsmooth.checks import checked_points
 from qsmooth.constraints import Constraints
 from qsmooth.errors import MeshError
@@ -128,11 +129,17 @@ class Smoother:
         visited. Where boundary and fixed points go on as in the step before, the others follow
         first, if that costs no corner. Cells that are not valid then are untangled, near them
         alone; after that no cell is made invalid, and with the usual guards no angle worse than
-        the worst of the mesh. Boundary vertices stay where they are put, with ``boundary="slide"``
-        too; a third coordinate that is a value stays with its vertex.
+        the worst of the mesh.
+
+        What the host puts on the boundary, or fixes, stays there, unless ``boundary="slide"`` or
+        ``interfaces="slide"`` lets it slide: along `curve`, or else along the outline as the host
+        last gave it. That is the outline of this call where it has moved a vertex of it since the
+        step before, and corners are what turns there by more than `corner_angle`. z of a flat mesh
+        is interpolated in the mesh as it was given, where vertices have moved (`carry`).
 
         After the first step no memory is asked for that grows with the mesh, unless cells are to
-        be untangled, `hold` is given, or cells are ranked by quality.
+        be untangled, `hold` is given, cells are ranked by quality, or a vertex whose z is
+        interpolated has come to a place that is in no cell.
 
         Parameters
         ----------
@@ -232,6 +239,8 @@ class _Tables:
         self._places = np.argsort(self._ids) if self._ids is not None else None
         self._given, self._inside = np.empty((n, 2)), np.empty((n, 2))
         self._space = np.empty((n, 3)) if mesh.plane is not None else None
+        has_depth = mesh.surface == "flat" and mesh.points.shape[1] == 3
+        self._depths = Depths(mesh) if has_depth and method.carry == "interpolate" else None
         self._column, self._unused = np.empty(n), ~mesh.topology.used
         self._first = int(np.argmax(mesh.topology.used))
 
@@ -242,11 +251,15 @@ class _Tables:
         if record is None:
             checked_points(points)
             raise MeshError("points must be finite coordinates")
-        if self._space is None:
-            np.copyto(out, points)
-            np.copyto(out[:, :2], self._back())
-            return record
-        return self._put_in_plane(points, out, record)
+        if self._space is not None:
+            return self._put_in_plane(points, out, record)
+        xy = self._back()
+        depths = None if self._depths is None else self._depths.carry(points, self._given, xy)
+        np.copyto(out, points)
+        np.copyto(out[:, :2], xy)
+        if depths is not None:
+            np.copyto(out[:, 2], depths)
+        return record
 
     def _come_in(self, points: FloatArray) -> FloatArray:
         """Coordinates in the plane and in the order inside, (n, 2)."""
@@ -284,6 +297,7 @@ class _Tables:
             if not broken.size:
                 return stepper.record(record.sweeps, record.untangled)
             out[broken], moved[broken] = given[broken], False
+            stepper.forget_lines()
 
     def _require_plane(self, points: FloatArray) -> None:
         """Raise a `MeshError` where points have left the plane of the mesh."""

@@ -218,17 +218,26 @@ class Slider:
         return Asked(asked.rows._replace(near=near[self.blocks.cells]), asked.maps)
 
     def sweep(
-        self, xy: FloatArray, wall: Wall, held: FloatArray, asked: Asked, lengths: FloatArray
+        self,
+        xy: FloatArray,
+        wall: Wall,
+        held: FloatArray,
+        asked: Asked,
+        lengths: FloatArray,
+        selected: Blocks | None = None,
     ) -> None:
-        """Move each vertex once, in place; what each moved is written to `lengths`."""
+        """Move each vertex once, in place; what each moved is written to `lengths`.
+
+        Only blocks that are `selected` are swept, where these are given.
+        """
         from qsmooth.kernels.slide_sweep import slide_sweep
 
         self._refresh(xy)
         slide_sweep(
-            xy, self.blocks, self._outline, self._sides, RELAXATION, wall, held, asked.rows,
-            asked.maps, lengths,
+            xy, self.blocks if selected is None else selected, self._outline, self._sides,
+            RELAXATION, wall, held, asked.rows, asked.maps, lengths,
         )  # fmt: skip
-        self._known[:] = [xy[self._outline.vertices]]
+        self._note(xy)
 
     def untangle(
         self, xy: FloatArray, sizes: FloatArray, epsilon: float, lengths: FloatArray
@@ -240,7 +249,7 @@ class Slider:
         slide_untangling(
             xy, self.blocks, self._outline, self._sides, RELAXATION, sizes, epsilon, lengths
         )
-        self._known[:] = [xy[self._outline.vertices]]
+        self._note(xy)
 
     def meets(self, xy: FloatArray) -> bool:
         """Whether two sides of the boundary meet that do not share a vertex."""
@@ -257,10 +266,13 @@ class Slider:
         if self._known and np.array_equal(self._known[0], now):
             return
         if self._known or not np.array_equal(self._inside.at_vertices(self._mesh.xy), xy):
-            offsets = self._chains.offsets
-            locate(xy, self._outline, np.stack([offsets[:-1], offsets[1:] - 1], axis=1))
+            locate(xy, self._outline, self._chains.ends)
         fit_boxes(xy, self._sides)
         self._known[:] = [now]
+
+    def _note(self, xy: FloatArray) -> None:
+        """It is known where the vertices are at these coordinates."""
+        self._known[:] = [xy[self._outline.vertices]]
 
     def swings(self, xy: FloatArray) -> Swings:
         """Say how far the edges of vertices that slide along the boundary can turn."""
@@ -333,15 +345,22 @@ class Slides:
 
     def __init__(self, slider: Slider, worst: float) -> None:
         self.slider, self._asked = slider, slider.ask_ideal()
-        sine = worst * (1.0 + SLACK) if worst > 0.0 else NO_SINE
-        self._held = np.tile([NO_COSINE, -NO_COSINE, sine], (slider.topology.n_vertices, 1))
+        self._held = np.tile([NO_COSINE, -NO_COSINE, NO_SINE], (slider.topology.n_vertices, 1))
+        self.hold(worst)
 
-    def sweep(self, xy: FloatArray, lengths: FloatArray, shares: FloatArray) -> None:
-        """Move each vertex once, in place; its move is written to the arrays, (n_sliding,)."""
+    def hold(self, worst: float) -> None:
+        """Let no cell come below another scaled Jacobian."""
+        self._held[:, 2] = worst * (1.0 + SLACK) if worst > 0.0 else NO_SINE
+
+    def sweep(self, xy: FloatArray, lengths: FloatArray, selected: Blocks | None = None) -> None:
+        """Move each vertex once, in place; its move is written to `lengths`, (n_sliding,).
+
+        Only blocks that are `selected` are swept, where these are given.
+        """
         from qsmooth.kernels.newton_sweep import Wall
 
-        self.slider.sweep(xy, Wall(1.0, np.inf, 1), self._held, self._asked, lengths)
-        self.slider.shares(xy, lengths, shares)
+        wall = Wall(1.0, np.inf, 1)
+        self.slider.sweep(xy, wall, self._held, self._asked, lengths, selected)
 
 
 def slider_of(free: Freedom, mesh: Mesh, inside: Inside) -> Slider | None:

@@ -1,5 +1,7 @@
 """The driver of methods that sweep: history, when it stops, and meshes with something wrong."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from meshes import annulus, grid, random_mesh, renumber, tilt
 from qsmooth import Mesh, Quality, Stop, quality, smooth
 from qsmooth.methods import driver
 from qsmooth.methods.driver import SweepingMethod
-from qsmooth.registry import methods
+from qsmooth.registry import all_methods, methods
 from qsmooth.sums import exact_mean
 
 SWEEPING = {name: m for name, m in methods().items() if issubclass(m, SweepingMethod)}
@@ -280,6 +282,19 @@ def test_what_is_valid_by_a_hair_in_a_tilted_plane_is_valid_as_it_is_stored():
 
 
 # ------------------------------------------------------------------------------- symmetries
+
+
+def test_what_came_beyond_its_reach_in_a_tilted_plane_goes_back():
+    flat = random_mesh("quads", 5, seed=2, amount=0.2).mesh
+    mesh = Mesh(tilt(flat.points), flat.cells)
+    inner = np.flatnonzero(~mesh.is_boundary)
+    xy = mesh.xy.copy()
+    xy[inner] += 0.02
+    reach = np.full(mesh.n_vertices, np.inf)
+    reach[inner[::2]] = 0.01
+    freedom = dataclasses.replace(all_methods()["star"]().freedom(mesh), reach=reach)
+    moved = (driver.stored(mesh, xy, freedom).points != mesh.points).any(axis=1)
+    assert np.flatnonzero(moved).tolist() == inner[1::2].tolist()
 
 
 @pytest.mark.nojit

@@ -16,6 +16,8 @@ from qsmooth.kernels.geometry import orientation
 FOLDED, TRIANGLE, CONVEX, CUT_FROM_FIRST, CUT_FROM_SECOND = 0, 1, 2, 3, 4
 # A walk through more cells than this goes round in a circle, or too far to be quick.
 MOST_STEPS = 500
+# A place is on an edge if it is no farther than this share of the largest coordinate around.
+ON_EDGE = 2.0**-50
 
 
 @strict_helper()
@@ -76,6 +78,17 @@ def holds(
     )
 
 
+@helper()
+def _is_beside(xy: FloatArray, a: int, b: int, px: float, py: float) -> bool:
+    """Whether a place is on the line of an edge but for the rounding of its coordinates."""
+    ax, ay = xy[a, 0], xy[a, 1]
+    ex, ey, dx, dy = xy[b, 0] - ax, xy[b, 1] - ay, px - ax, py - ay
+    largest = max(abs(px), abs(py), abs(ax), abs(ay))
+    near = ON_EDGE * ON_EDGE * largest * largest * (ex * ex + ey * ey)
+    cross = ex * dy - ey * dx
+    return bool(cross * cross <= near)
+
+
 @strict_helper()
 def find_by_walking(
     xy: FloatArray,
@@ -87,23 +100,40 @@ def find_by_walking(
     px: float,
     py: float,
 ) -> int:
-    """Walk from cell to cell over an edge that the place is beyond; -1 where that leads nowhere."""
+    """Walk from cell to cell over an edge that the place is beyond.
+
+    A place that is beyond the boundary by no more than rounding, as what slides along it is, is in
+    the cell there.
+
+    Returns
+    -------
+    cell
+        Or -2 - c where cell c is at the boundary, and the place beyond that; -1 where the walk
+        leads nowhere.
+    """
     c, came_from = start, -1
     for _ in range(MOST_STEPS):
         first, last = cell_offsets[c], cell_offsets[c + 1]
         kind = kind_of(xy, cell_vertices, first, last)
         if holds(xy, cell_vertices, (first, last), kind, px, py):
             return c
-        following = -1
-        for k in range(first, last):
-            if kind == FOLDED or twins[k] < 0 or corner_cells[twins[k]] == came_from:
-                continue
-            after = k + 1 if k + 1 < last else first
-            if turn(xy, cell_vertices[k], cell_vertices[after], px, py) < 0:
-                following = corner_cells[twins[k]]
-                break
-        if following < 0:
+        following, beside, around = -1, True, False
+        if kind == FOLDED:
             return -1
+        for k in range(first, last):
+            a, b = cell_vertices[k], cell_vertices[k + 1 if k + 1 < last else first]
+            if turn(xy, a, b, px, py) < 0:
+                if twins[k] < 0:
+                    beside = beside and _is_beside(xy, a, b, px, py)
+                elif corner_cells[twins[k]] == came_from:
+                    around = True
+                else:
+                    following = corner_cells[twins[k]]
+                    break
+        if following < 0:
+            if around:
+                return -1
+            return c if beside else -2 - c
         came_from, c = c, following
     return -1
 
@@ -226,7 +256,7 @@ def locate(
     for i in prange(len(places)):
         px, py = places[i, 0], places[i, 1]
         c = find_by_walking(xy, cell_offsets, cell_vertices, twins, corner_cells, starts[i], px, py)
-        found[i] = c
+        found[i] = max(c, -1)
         if c >= 0:
             ends = cell_offsets[c], cell_offsets[c + 1]
             put_weights(xy, cell_vertices, ends, px, py, i, corners, weights)

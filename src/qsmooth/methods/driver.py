@@ -266,7 +266,9 @@ class _Run:
             sweep.prepare(self.xy)
             engine.run(lambda colours: sweep.move(self.xy, colours, moves), sweep.n_colours)
             if slides is not None:
-                slides.sweep(self.xy, every.lengths[n_free:], every.shares[n_free:])
+                lengths, shares = every.lengths[n_free:], every.shares[n_free:]
+                slides.sweep(self.xy, lengths)
+                slides.slider.shares(self.xy, lengths, shares)
             self.seconds += clock() - started
             self.history.append(record(Quality(self.topology, self.xy), *every))
             self.watch.tell(self.history[-1])

@@ -208,8 +208,13 @@ class Lanes:
     def _slide(self, xy: FloatArray, wall: Wall) -> None:
         """Sweep over the vertices that slide."""
         if self._slider is not None:
-            asked, lengths = self._asked_of_slides, self._slides.lengths
-            self._slider.sweep(xy, wall, self.caps.swept, asked, lengths)
+            self.slide(xy, wall, self.caps.swept, self._slider.blocks)
+
+    def slide(self, xy: FloatArray, wall: Wall, held: FloatArray, selected: Blocks) -> FloatArray:
+        """Sweep over those in selected blocks; gives what each has moved, (n_sliding,)."""
+        asked, lengths = self._asked_of_slides, self._slides.lengths
+        cast("Slider", self._slider).sweep(xy, wall, held, asked, lengths, selected)
+        return lengths
 
     def _go(self, xy: FloatArray, trial: FloatArray | None, wall: Wall) -> bool:
         """Go to where the sweeps lead if that is allowed and better; say whether."""

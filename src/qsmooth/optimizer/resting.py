@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -15,6 +15,8 @@ from qsmooth.topology import Topology
 if TYPE_CHECKING:
     from qsmooth.kernels.blocks import Blocks
 
+# Row starts, and what is in the rows.
+Csr: TypeAlias = tuple[IndexArray, IndexArray]
 
 # Vertices follow those that the host moves where these go on as in the step before: the square of
 # the cosine between the two is so large; and by no more than this multiple of that step.
@@ -28,6 +30,8 @@ class Figures:
     ----------
     topology, movable
         Of the mesh: which vertices may move, (n_vertices,).
+    judged : (n_vertices,)
+        Those of them whose corners say where walls stand; all if it is None.
 
     Attributes
     ----------
@@ -37,7 +41,9 @@ class Figures:
         Cells that are not valid, in exact arithmetic; the smallest of all cells.
     """
 
-    def __init__(self, topology: Topology, movable: BoolArray) -> None:
+    def __init__(
+        self, topology: Topology, movable: BoolArray, judged: BoolArray | None = None
+    ) -> None:
         from qsmooth.kernels.blocks import LANES
         from qsmooth.kernels.kept_figures import N_FIGURES
 
@@ -54,6 +60,13 @@ class Figures:
         self._worst = np.empty((int(self._of_vertices.max(initial=-1)) + 2, ALWAYS))
         self._worst_of_all = np.tile(FREE, (len(self._worst), 1))
         self.n_invalid, self.scaled_jacobian = 0, 1.0
+        self._judged = self if judged is None else Figures(topology, judged)
+
+    def judged(self, xy: FloatArray) -> Figures:
+        """Give the same figures, measured, of the corners that say where walls stand."""
+        if self._judged is not self:
+            self._judged.look(xy)
+        return self._judged
 
     def invalid(self) -> BoolArray:
         """Mark the cells that are not valid, (n_cells,)."""
@@ -72,6 +85,9 @@ class Figures:
     def look(self, xy: FloatArray) -> None:
         """Measure what has changed."""
         from qsmooth.kernels.kept_figures import measure_chunks, worst_figures
+
+        if self._judged is not self:
+            self._judged.dirty |= self.dirty
 
         measure_chunks(xy, *self._topology.cells, self._counts, self.dirty, self._values)
         worst = self._values, self._of_cells, self._worst
@@ -117,6 +133,78 @@ class Figures:
         np.take(caps, self._of_vertices, axis=0, out=held, mode="wrap")
 
 
+class _Part:
+    """Blocks that are swept together, and which of them are next.
+
+    Parameters
+    ----------
+    blocks, asks
+        The blocks, and what each of them asks for.
+    first
+        Number of the first of them among all blocks.
+    """
+
+    def __init__(self, blocks: Blocks, asks: IndexArray, first: int) -> None:
+        n_blocks = len(blocks.table)
+        self.blocks, self._asks, self._mine = blocks, asks, slice(first, first + n_blocks)
+        self.selected = blocks._replace(
+            table=blocks.table.copy(), colour_blocks=blocks.colour_blocks.copy()
+        )
+        self.asks, self._listed = asks.copy(), np.empty(n_blocks, np.int64)
+        self.count = 0
+
+    def number(self, block_of: IndexArray) -> None:
+        """Write down the block of each vertex."""
+        from qsmooth.kernels.resting import number_blocks
+
+        number_blocks(self.blocks.table, self.blocks.vertices, block_of)
+        block_of[self.blocks.vertices] += self._mine.start
+
+    def select(self, awake: BoolArray, low: BoolArray, wanted: bool) -> int:
+        """Select the awake blocks that are low, or those that are not; count them."""
+        from qsmooth.kernels.resting import select
+
+        blocks, out = self.blocks, self.selected
+        self.count = select(
+            blocks.table, blocks.colour_blocks, self._asks, awake[self._mine], low[self._mine],
+            wanted, out.table, out.colour_blocks, self.asks, self._listed,
+        )  # fmt: skip
+        return self.count
+
+    def settle(
+        self,
+        xy: FloatArray,
+        lengths: FloatArray,
+        rings: Csr,
+        neighbours: Csr,
+        rtol: float,
+        touched: BoolArray,
+        awake: BoolArray,
+    ) -> None:
+        """Note what a sweep over the selected blocks has moved."""
+        from qsmooth.kernels.resting import settle
+
+        around = neighbours[0][self._mine.start :], neighbours[1]
+        settle(
+            xy, self.selected.table, self.blocks.vertices, self._listed[: self.count], lengths,
+            *rings, *around, rtol, touched[self._mine], awake,
+        )  # fmt: skip
+
+    def mark_low(self, sines: FloatArray, limits: tuple[float, float], awake: BoolArray,
+                 low: BoolArray) -> None:  # fmt: skip
+        """Mark the awake blocks with a low cell."""
+        from qsmooth.kernels.resting import mark_low
+
+        mine = self._mine
+        mark_low(self.blocks.table, self.blocks.cells, awake[mine], sines, *limits, low[mine])
+
+    def mark_changed(self, touched: BoolArray, dirty: BoolArray) -> None:
+        """Mark the chunks of the cells of touched blocks."""
+        from qsmooth.kernels.resting import mark_chunks
+
+        mark_chunks(self.blocks.table, self.blocks.cells, touched[self._mine], dirty)
+
+
 class Resting:
     """Which blocks of vertices rest, and where the vertices have been left.
 
@@ -126,41 +214,66 @@ class Resting:
         Of the mesh; its movable vertices in blocks; what each block asks for.
     movable : (n_vertices,)
         These vertices.
+    slides
+        Those that slide, in blocks that come after the others; None where none does.
 
     Attributes
     ----------
     xy : (n_vertices, 2)
         The present coordinates.
+    changed : (n_vertices,)
+        Where `take_in` has changed them.
     selected, asks
         The blocks to sweep next, and what they ask for: `select` overwrites what is in there.
     left, moves : (n_vertices, 2)
-        Where the last step left them, and how far they came in it.
+        Where the last step left them, and how far they came in it; of vertices that slide, how far
+        the host moved them.
     awake, low : (n_blocks,)
         Blocks that do not rest; those with a cell whose sine is low (`mark_low`).
     """
 
     def __init__(
-        self, topology: Topology, blocks: Blocks, asks: IndexArray, movable: BoolArray
+        self,
+        topology: Topology,
+        blocks: Blocks,
+        asks: IndexArray,
+        movable: BoolArray,
+        slides: Blocks | None = None,
     ) -> None:
-        from qsmooth.kernels import resting as kernels
-
+        self._topology, self._free, self._slides = topology, _Part(blocks, asks, 0), None
+        self._parts = [self._free]
         n_blocks = len(blocks.table)
-        self._topology, self._blocks, self._asks = topology, blocks, asks
+        if slides is not None:
+            n_slides = len(slides.table)
+            self._slides = _Part(slides, np.zeros(n_slides, np.int64), n_blocks)
+            self._parts.append(self._slides)
+            self._sliding = slides.vertices.astype(np.int64)
+            self._given, self._came = np.empty((2, self._sliding.size, 2))
+            n_blocks += n_slides
         self._block_of = np.full(topology.n_vertices, -1, np.int64)
-        kernels.number_blocks(blocks.table, blocks.vertices, self._block_of)
-        self._neighbours = kernels.block_neighbours(
-            blocks.table, blocks.cells, *topology.cells, self._block_of
-        )
-        self.selected = blocks._replace(
-            table=blocks.table.copy(), colour_blocks=blocks.colour_blocks.copy()
-        )
-        self.asks, self._listed = asks.copy(), np.empty(n_blocks, np.int64)
+        for part in self._parts:
+            part.number(self._block_of)
+        self._neighbours = self._find_neighbours()
+        self.selected, self.asks = self._free.selected, self._free.asks
         self.awake, self._next = np.ones(n_blocks, np.bool_), np.zeros(n_blocks, np.bool_)
         self._touched, self.low = np.zeros(n_blocks, np.bool_), np.zeros(n_blocks, np.bool_)
-        self._changed = np.empty(topology.n_vertices, np.bool_)
+        self.changed = np.empty(topology.n_vertices, np.bool_)
         self.xy = np.full((topology.n_vertices, 2), np.nan)
         self._movable, self._trial = movable, np.empty((topology.n_vertices, 2))
+        self._not_host = movable if slides is None else movable.copy()
         self.left, self.moves = np.full_like(self.xy, np.nan), np.full_like(self.xy, np.nan)
+
+    def _find_neighbours(self) -> Csr:
+        """Find the blocks that share a cell with each block."""
+        from qsmooth.kernels.blocks import ROWS
+        from qsmooth.kernels.resting import block_neighbours
+
+        table = np.concatenate([part.blocks.table for part in self._parts])
+        cells = np.concatenate([part.blocks.cells for part in self._parts])
+        n_free, n_rows = len(self._free.blocks.table), self._free.blocks.cells.size
+        table[n_free:, ROWS] += np.uint64(n_rows)
+        found: Csr = block_neighbours(table, cells, *self._topology.cells, self._block_of)
+        return found
 
     def take_in(self, given: FloatArray, dirty: BoolArray) -> bool:
         """Go to other coordinates, and wake what is around those that differ.
@@ -172,11 +285,11 @@ class Resting:
         """
         from qsmooth.kernels.resting import take_in, wake_around
 
-        count = take_in(given, self.xy, LARGEST_COORDINATE, self._changed)
+        count = take_in(given, self.xy, LARGEST_COORDINATE, self.changed)
         if count > 0:
             topology = self._topology
             stars = topology.star_offsets, topology.star_cells
-            wake_around(self._changed, *stars, *topology.cells, self._block_of, self.awake, dirty)
+            wake_around(self.changed, *stars, *topology.cells, self._block_of, self.awake, dirty)
         return bool(count >= 0)
 
     def following(self, rtol: float) -> FloatArray | None:
@@ -187,17 +300,30 @@ class Resting:
         """
         from qsmooth.kernels.resting import follow, host_factor
 
-        factor, likeness = host_factor(self.xy, self.left, self.moves, self._movable)
+        if self._slides is not None:
+            # What could slide counts where the host has moved it.
+            not_host, sliding = self._not_host, self._sliding
+            not_host[sliding] = ~self.changed[sliding]
+        factor, likeness = host_factor(self.xy, self.left, self.moves, self._not_host)
         if not likeness >= ALIKE or abs(factor) > LARGEST_FACTOR:
             return None
-        rings, changed = self._topology.rings, self._changed
+        rings, changed = self._topology.rings, self.changed
         moves, trial = self.moves, self._trial
         follow(self.xy, moves, factor, self._movable, changed, *rings, rtol, trial)
         return trial
 
+    def begin_step(self) -> None:
+        """Note where the host has put the vertices that slide."""
+        if self._slides is not None:
+            np.take(self.xy, self._sliding, axis=0, out=self._given, mode="clip")
+
     def end_step(self) -> None:
         """Note how far the vertices have come."""
         np.subtract(self.xy, self.left, out=self.moves)
+        if self._slides is not None:
+            np.take(self.left, self._sliding, axis=0, out=self._came, mode="clip")
+            np.subtract(self._given, self._came, out=self._came)
+            self.moves[self._sliding] = self._came
         np.copyto(self.left, self.xy)
 
     def of_vertices(self, of_blocks: BoolArray) -> BoolArray:
@@ -231,31 +357,27 @@ class Resting:
 
         Those that are marked stay so until all sines are enough.
         """
-        from qsmooth.kernels.resting import mark_low
-
-        blocks, limits = self._blocks, (least * abs(least), enough * abs(enough))
-        mark_low(blocks.table, blocks.cells, self.awake, sines, *limits, self.low)
+        limits = least * abs(least), enough * abs(enough)
+        for part in self._parts:
+            part.mark_low(sines, limits, self.awake, self.low)
 
     def select(self, low: bool) -> int:
         """Select the awake blocks that are marked low, or those that are not; count them."""
-        from qsmooth.kernels.resting import select
+        return self._free.select(self.awake, self.low, low)
 
-        blocks, out = self._blocks, self.selected
-        count: int = select(
-            blocks.table, blocks.colour_blocks, self._asks, self.awake, self.low, low,
-            out.table, out.colour_blocks, self.asks, self._listed,
-        )  # fmt: skip
-        self._count = count
-        return count
+    def slides(self, low: bool) -> Blocks | None:
+        """Select the same of the vertices that slide; None where there is none."""
+        part = self._slides
+        if part is None or not part.select(self.awake, self.low, low):
+            return None
+        return part.selected._replace(table=part.selected.table[: part.count])
 
-    def settle(self, lengths: FloatArray, rtol: float) -> None:
-        """Note what a sweep over the selected blocks has moved, (n_movable,)."""
-        from qsmooth.kernels.resting import settle
-
-        settle(
-            self.xy, self.selected.table, self._blocks.vertices, self._listed[: self._count],
-            lengths, *self._topology.rings, *self._neighbours, rtol, self._touched, self._next,
-        )  # fmt: skip
+    def settle(self, lengths: FloatArray, rtol: float, *, slides: bool = False) -> None:
+        """Note what a sweep over the selected blocks has moved, (n_movable,) or (n_sliding,)."""
+        part = self._slides if slides else self._free
+        assert part is not None
+        rings, touched = self._topology.rings, self._touched
+        part.settle(self.xy, lengths, rings, self._neighbours, rtol, touched, self._next)
 
     def end_sweep(self) -> None:
         """From now on those are awake that this sweep has woken."""
@@ -264,9 +386,8 @@ class Resting:
 
     def mark_changed(self, dirty: BoolArray) -> None:
         """Mark the chunks of the cells that have moved since this was last asked."""
-        from qsmooth.kernels.resting import mark_chunks
-
-        mark_chunks(self._blocks.table, self._blocks.cells, self._touched, dirty)
+        for part in self._parts:
+            part.mark_changed(self._touched, dirty)
 
 
 def _can_change(topology: Topology, movable: BoolArray) -> BoolArray:
