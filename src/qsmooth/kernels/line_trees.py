@@ -27,7 +27,7 @@ OF_LINE, OF_NODE = 3, 5
 @helper()
 def count_lines(block: Block) -> int:
     """Guard lines of each star of a block."""
-    return np.int64(3 * block.n_quads + block.n_triangles)
+    return int(np.int64(3 * block.n_quads + block.n_triangles))
 
 
 @helper()
@@ -44,7 +44,7 @@ def _sector(nx: float, ny: float, n: int) -> int:
         return 0
     turn = 1.0 - nx / size
     turn = turn if ny >= 0.0 else 4.0 - turn
-    return min(np.int64(0.25 * turn * n), n - 1)
+    return min(int(0.25 * turn * n), n - 1)
 
 
 @helper()
@@ -104,8 +104,9 @@ def grow_trees(lines: FloatArray, block: Block) -> FloatArray:
     trees : (size * tree_room(n_lines),)
         Lane by lane; (0,) where the stars are not large.
     """
-    n, size = count_lines(block), np.int64(block.size)
-    size = size if n >= max(MANY, MANY_A_LANE * size) else 0
+    n, size = count_lines(block), int(np.int64(block.size))
+    if n < max(MANY, MANY_A_LANE * size):
+        size = 0
     trees = np.empty(size * tree_room(n))
     for i in range(size):
         at = i * tree_room(n)
@@ -118,9 +119,10 @@ def grow_trees(lines: FloatArray, block: Block) -> FloatArray:
 def _least_distance(trees: FloatArray, node: int, dx: float, dy: float) -> float:
     """Bound the distances from the lines of a node after a move by (dx, dy)."""
     # Rounded as the distances themselves are: rounding keeps order, so that none is below this.
-    x = trees[node + 1] if dx >= 0.0 else trees[node + 2]
-    y = trees[node + 3] if dy >= 0.0 else trees[node + 4]
-    return trees[node] + (x * dx + y * dy)
+    x: float = trees[node + 1] if dx >= 0.0 else trees[node + 2]
+    y: float = trees[node + 3] if dy >= 0.0 else trees[node + 4]
+    distance: float = trees[node]
+    return distance + (x * dx + y * dy)
 
 
 @helper()
@@ -161,7 +163,7 @@ def ask_trees(
         Scratch, with moves in rows `x_row` and `y_row`, and in LEAST the clearance to keep.
     """
     n = count_lines(block)
-    for i in range(np.int64(block.size)):
+    for i in range(int(np.int64(block.size))):
         dx, dy = s[x_row + i], s[y_row + i]
         kept = keeps_lines(trees, i * tree_room(n), n, dx, dy, s[LEAST + i])
         s[kept_row + i] = np.inf if kept else -np.inf
