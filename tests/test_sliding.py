@@ -446,8 +446,8 @@ def test_no_slide_beats_the_limits(name, height, seed):
     freedom, result = method.freedom(mesh), method.run(mesh)
     for known in (mesh, result.mesh):
         told = limits_of(freedom, mesh, known)
-        assert told.min_angle >= result.after.min_angle - 1e-9
-        assert told.max_angle <= result.after.max_angle + 1e-9
+        assert told.min_angle >= result.quality_after.min_angle.min() - 1e-9
+        assert told.max_angle <= result.quality_after.max_angle.max() + 1e-9
 
 
 def test_a_real_shore(shared_meshes):
