@@ -18,6 +18,7 @@ from qsmooth.kernels.proposals import thresholds
 from qsmooth.kernels.ring_blocks import build_ring_blocks
 from qsmooth.kernels.stars import Moves, Rings
 from qsmooth.methods.driver import record
+from shapes import fan
 
 pytestmark = pytest.mark.benchmark(group="sweeps")
 THREADS = [1, 2]
@@ -184,6 +185,16 @@ def test_smart_laplacian_beside_the_unguarded_one_of_vtk(benchmark, mesh, note, 
         f"smart Laplacian, {mesh.n_cells} quads: {1e3 * own:.2f} ms a guarded sweep, "
         f"VTK unguarded {1e3 * other:.2f} ms, {other / own:.1f} times as long"
     )
+
+
+@pytest.mark.parametrize("n_cells", [1000, 10_000])
+@pytest.mark.parametrize("sweep", [star_sweep, quad_proposals], ids=lambda s: s.__name__)
+def test_round_one_vertex_of_many_cells(benchmark, note, sweep, n_cells):
+    mesh = fan(n_cells)
+    kernel, arguments = sweep(Case(mesh), GOOD["quality"])
+    note(mesh, 1, rate=(n_cells, "cells"))
+    kernel(*arguments)
+    benchmark(kernel, *arguments)
 
 
 @pytest.fixture

@@ -184,6 +184,38 @@ def test_warmup_compiles_all_that_is_used(tmp_path):
     assert again == 0
 
 
+ALSO = """
+methods = ["optimize", "smart-laplacian"]
+warmup(methods, session=True, slide=True, interpolate=True)
+before = kernels()
+body = examples.around_body(15)
+points, inner = body.points.copy(), abs(body.points).max(axis=1) < 0.5
+inner &= body.is_boundary
+for method in methods:
+    smoother = Smoother(body, method)
+    for turn in np.radians([0, 3, 6, 9, 12, 12, 90, 95]):
+        ways = [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
+        points[inner] = body.points[inner] @ np.array(ways)
+        smoother.step(points)
+tangle, notch = examples.random_interior(9, 9, kind="mixed"), examples.notch(10)
+for mesh in (tangle, notch):
+    depths = np.column_stack([mesh.points, mesh.points[:, 0]])
+    for method in methods:
+        smooth(mesh, method, boundary="slide")
+        smooth(Mesh(depths, mesh.cells, surface="flat"), method)
+print(json.dumps([len(before), sorted(kernels() - before)]))
+"""
+
+
+@compiled
+def test_warmup_compiles_what_sessions_sliding_and_depths_use(tmp_path):
+    start = WARM[: WARM.index("methods =")]
+    more = "import numpy as np\nfrom qsmooth import Mesh, Smoother\n"
+    (count, late), _ = run(tmp_path / "also.py", start + more + ALSO)
+    assert count > 50
+    assert late == []
+
+
 @pytest.mark.nojit
 def test_warmup_takes_names_of_methods():
     assert warmup([]) == 0

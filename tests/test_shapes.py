@@ -33,6 +33,22 @@ def test_the_middle_of_a_star_of_a_thousand_cells_goes_to_the_middle(name, kind)
     assert np.hypot(*result.points[0]) < 0.02
 
 
+@pytest.mark.parametrize("name", all_methods())
+@pytest.mark.parametrize("kind", ["triangle", "quad"])
+def test_a_star_of_twenty_thousand_cells(name, kind):
+    # Where time grows with the square of the cells this takes minutes.
+    mesh, method = fan(20_000, kind), all_methods()[name](max_sweeps=8, threads=1)
+    if method.why_not(mesh):
+        return
+    result = method.run(mesh)
+    assert result.after.n_invalid == 0
+    if method.guarded:
+        before, after = result.quality_before.scaled_jacobian, result.quality_after.scaled_jacobian
+        assert after.min() >= before.min() * (1.0 - 1e-12)
+    limits(result.mesh)
+    inspect(result.mesh)
+
+
 @pytest.mark.parametrize("name", METHODS)
 def test_a_part_among_a_thousand_ends_as_it_does_alone(name):
     alone = smooth(parts(1), name, max_sweeps=30, threads=1)

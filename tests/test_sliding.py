@@ -14,6 +14,7 @@ from promises import invalid_cells
 from qsmooth import Mesh, limits, read_mesh, smooth, untangle
 from qsmooth.numbering import numbered
 from qsmooth.registry import all_methods
+from qsmooth.sliding import limits_of
 
 every_method = pytest.mark.parametrize("known", all_methods().values(), ids=all_methods())
 
@@ -287,15 +288,46 @@ def test_limits_stay_proofs():
     assert told.reached_max_angle < limits(mesh).reached_max_angle
 
 
+def sheared(n):
+    """A parallelogram with corners of 53° and 127°."""
+    points, (quads,) = grid(n, n)
+    x, y = points.T / n
+    return Mesh(np.stack([x + 0.8 * y, 0.6 * y], axis=1), [quads])
+
+
 def test_a_sharp_corner_between_sliding_vertices_bounds_the_angle():
-    points, (quads,) = grid(6, 6)
-    x, y = points.T / 6.0
-    mesh = Mesh(np.stack([x + 0.8 * y, 0.6 * y], axis=1), [quads])
-    told = smooth(mesh, boundary="slide", target="ideal").outcome.limits
+    told = smooth(sheared(6), boundary="slide", target="ideal").outcome.limits
     corner = math.degrees(math.atan2(0.6, 0.8))
     assert told.min_angle == pytest.approx(corner, abs=1e-6)
     assert told.min_angle_vertex in (0, 48)
     assert "fixed boundary vertices" in str(told)
+
+
+@pytest.mark.parametrize("name", ["star", "smart-laplacian", "untangle"])
+def test_limits_of_any_method_know_what_slides(name):
+    mesh = sheared(6)
+    method = all_methods()[name](boundary="slide", max_sweeps=20)
+    freedom, result = method.freedom(mesh), method.run(mesh)
+    told, corner = limits_of(freedom, mesh, result.mesh), math.degrees(math.atan2(0.6, 0.8))
+    assert told.min_angle == pytest.approx(corner, abs=1e-6)
+    assert told.max_angle == pytest.approx(180.0 - corner, abs=1e-6)
+    assert "fixed boundary vertices" in str(told)
+    # Were the vertices beside the corners to go anywhere, they could have any angle.
+    anywhere = limits(result.mesh, movable=freedom.movable)
+    assert (anywhere.min_angle, anywhere.max_angle) == (90.0, 90.0)
+
+
+@settings(deadline=None, max_examples=20)
+@given(height=st.floats(0.0, 0.3), seed=st.integers(0, 99))
+@pytest.mark.parametrize("name", ["optimize", "star"])
+def test_no_slide_beats_the_limits(name, height, seed):
+    mesh = bay(5, 0.5, height, seed)
+    method = all_methods()[name](boundary="slide", max_sweeps=30, threads=1)
+    freedom, result = method.freedom(mesh), method.run(mesh)
+    for known in (mesh, result.mesh):
+        told = limits_of(freedom, mesh, known)
+        assert told.min_angle >= result.quality_after.min_angle.min() - 1e-9
+        assert told.max_angle <= result.quality_after.max_angle.max() + 1e-9
 
 
 def test_a_real_shore(shared_meshes):

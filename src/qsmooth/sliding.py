@@ -15,6 +15,8 @@ from qsmooth.kernels.rails import FREE as ANYWHERE
 from qsmooth.kernels.rails import Rails
 from qsmooth.kernels.stars import Stars
 from qsmooth.mesh import Mesh
+from qsmooth.metrics import Limits, quality
+from qsmooth.metrics.bounds import angle_limits
 from qsmooth.numbering import Inside
 from qsmooth.outcome import Sliding
 from qsmooth.outline import Chains, boundary_sides, spread, swing
@@ -382,6 +384,18 @@ def slid(freedom: Freedom, before: Mesh, after: Mesh) -> Sliding | None:
     """Say what became of the vertices that could slide; None where none could."""
     slider = slider_of(freedom, before, Inside(before, kept=True))
     return None if slider is None else slider.report(before.xy.copy(), after.xy.copy())
+
+
+def limits_of(freedom: Freedom, before: Mesh, after: Mesh) -> Limits:
+    """Bound the angles that what may move of `before` can bring about, as `angle_limits` does it.
+
+    Edges between vertices that slide along the boundary turn as far as the boundary does. What
+    else holds a vertex to a line, or near to where it was, is left out: the bound holds without.
+    """
+    slider = slider_of(freedom, before, Inside(before, kept=True))
+    swings = None if slider is None else slider.swings(after.xy)
+    movable, kept = freedom.movable, freedom.kept
+    return angle_limits(after.topology, after.xy, movable, quality(after), kept, swings)
 
 
 def _places(ids: IndexArray) -> TableArray:

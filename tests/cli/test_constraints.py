@@ -6,8 +6,9 @@ import meshio
 import numpy as np
 import pytest
 
-from qsmooth import limits, read_mesh, smooth
+from qsmooth import Constraints, limits, read_mesh, smooth, write_mesh
 from qsmooth.examples import jittered
+from qsmooth.sliding import limits_of
 from test_selection import GMSH
 
 pytestmark = pytest.mark.nojit
@@ -114,3 +115,15 @@ def test_limits_of_what_may_move(call, vtu_file, tmp_path):
         assert code == 0
         assert "by vertices given as fixed" in out
     assert limits(read_mesh(vtu_file)).min_angle_set_by == ""
+
+
+def test_limits_of_what_slides(call, tmp_path):
+    mesh, out_file, report = jittered(6, 6, seed=2), tmp_path / "out.off", tmp_path / "report.json"
+    mesh = mesh.with_points(mesh.points @ [[1.0, 0.0], [0.8, 0.6]])
+    write_mesh(tmp_path / "in.off", mesh)
+    options = "--boundary", "slide", "-m", "star", "--sweeps", 2, "--json", report
+    assert call("smooth", tmp_path / "in.off", "-o", out_file, *options)[0] == 0
+    told = limits_of(Constraints(boundary="slide").freedom(mesh), mesh, read_mesh(out_file))
+    assert json.loads(report.read_text())["limits"] == told.to_dict()
+    # The corners' edges stay on the sides.
+    assert told.min_angle == pytest.approx(np.degrees(np.arctan2(0.6, 0.8)))

@@ -25,6 +25,15 @@ def test_warmup_says_how_much_it_compiled(call, monkeypatch):
 
 
 @pytest.mark.nojit
+def test_what_is_to_be_compiled_beside_methods(call, monkeypatch):
+    asked = []
+    monkeypatch.setattr("qsmooth.warming.warmup", lambda names, **also: asked.append(also) or 2)
+    assert call("warmup", "star", "--session", "--interpolate")[0] == 0
+    assert call("warmup", "star", "--slide")[0] == 0
+    assert asked == [{"session": True, "interpolate": True}, {"slide": True}]
+
+
+@pytest.mark.nojit
 def test_a_name_that_is_no_method(fails):
     said = fails("warmup", "stars")
     assert "NAME is one of auto, optimize, " in said  # there is no --method here

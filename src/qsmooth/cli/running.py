@@ -82,14 +82,13 @@ def run_to_end(
 
 def limits_of(before: Mesh, result: SmoothResult, method: Method) -> Limits:
     """Bounds of the angles of a result."""
-    from qsmooth.metrics import Limits, quality
-    from qsmooth.metrics.bounds import angle_limits
+    from qsmooth import sliding
+    from qsmooth.metrics import Limits
 
-    known, mesh = result.outcome.limits, result.mesh
+    known = result.outcome.limits
     if isinstance(known, Limits):
         return known
-    freedom = method.freedom(before)
-    return angle_limits(mesh.topology, mesh.xy, freedom.movable, quality(mesh), freedom.kept)
+    return sliding.limits_of(method.freedom(before), before, result.mesh)
 
 
 def show_outcome(result: SmoothResult) -> None:

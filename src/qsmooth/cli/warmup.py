@@ -21,6 +21,18 @@ def warmup(
             show_default=False,
         ),
     ] = None,
+    session: Annotated[
+        bool, typer.Option("--session", help="Also what steps of a qsmooth.Smoother need.")
+    ] = False,
+    slide: Annotated[
+        bool, typer.Option("--slide", help="Also what sliding along boundary and interfaces needs.")
+    ] = False,
+    interpolate: Annotated[
+        bool,
+        typer.Option(
+            "--interpolate", help="Also what interpolates depths and point data at new places."
+        ),
+    ] = False,
     debug: files.DebugOption = False,
 ) -> None:
     """Compile what methods need, so that the first mesh need not wait for it.
@@ -33,7 +45,8 @@ def warmup(
 
     check_names(names or (), ["auto", *methods()])
     started = time.perf_counter()
-    count = warmup(names)
+    asked = {"session": session, "slide": slide, "interpolate": interpolate}
+    count = warmup(names, **{name: True for name, wanted in asked.items() if wanted})
     if count:
         taken = time_text(time.perf_counter() - started)
         terminal.write_line(f"Compiled {plural(count, 'kernel')} in {taken}")

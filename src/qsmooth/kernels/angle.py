@@ -46,20 +46,25 @@ def star_polygons(blocks: Blocks) -> TableArray:
     """
     table, stars = blocks.table, blocks.stars
     before = np.empty(blocks.cells.size, np.uint32)
+    n_vertices = np.int64(0)
+    for v in stars:
+        n_vertices = max(n_vertices, np.int64(v) + 1)
+    # Of each corner of the star at hand what goes before it in the cell whose last corner it is.
+    previous = np.empty(n_vertices, np.uint32)
     for b in range(table.shape[0]):
         block = block_at(table, b)
         n, quads = block.size, block.n_quads
         for lane in range(n):
             star = block.start + lane
             for k in range(quads + block.n_triangles):
-                at = star + (3 * k if k < quads else quads + 2 * k) * n
-                found = stars[at]
-                for j in range(quads + block.n_triangles):
-                    # The last corner of a cell and the one before it.
-                    last = star + (3 * j + 2 if j < quads else quads + 2 * j + 1) * n
-                    if stars[last] == stars[at]:
-                        found = stars[last - n]
-                before[block.rows + k * n + lane] = found
+                first = stars[star + (3 * k if k < quads else quads + 2 * k) * n]
+                previous[first] = first
+            for k in range(quads + block.n_triangles):
+                last = star + (3 * k + 2 if k < quads else quads + 2 * k + 1) * n
+                previous[stars[last]] = stars[last - n]
+            for k in range(quads + block.n_triangles):
+                first = stars[star + (3 * k if k < quads else quads + 2 * k) * n]
+                before[block.rows + k * n + lane] = previous[first]
     return before
 
 

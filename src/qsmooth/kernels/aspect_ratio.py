@@ -36,6 +36,7 @@ from qsmooth.kernels.lanes import (
     gather_stars,
     larger,
 )
+from qsmooth.kernels.line_trees import ask_trees, grow_trees
 from qsmooth.kernels.lone_guards import Guard
 from qsmooth.kernels.rails import Rails
 from qsmooth.kernels.stars import Moves
@@ -138,14 +139,17 @@ def mean_along_circumcircles(
     max_edge_ratio, step, power, tolerated
         As in `aspect_ratio_sweep`.
     """
-    n = block.size
+    n, trees = block.size, grow_trees(lines, block)
     for i in range(n):
         s[SUM_X + i], s[SUM_Y + i], s[WEIGHT + i] = 0.0, 0.0, 0.0
     for k in range(block.n_triangles):
         at = block.n_quads * ROW6 + k * ROW4
         _propose(star, s, at, n, max_edge_ratio, step)
         _raise_ratios(s, n, power)
-        keep_clearances(lines, s, block, 1.0)
+        if trees.size:
+            ask_trees(trees, s, block, SX, SY, KEPT)
+        else:
+            keep_clearances(lines, s, block, 1.0)
         _add_kept(s, n)
     for i in range(n):
         found = s[WEIGHT + i] > 0.0

@@ -32,6 +32,7 @@ from qsmooth.kernels.guard_rows import (
     WEIGHT,
 )
 from qsmooth.kernels.lanes import ROW, ROW2, ROW3, ROW4, ROW5, ROW6, SX, SY, X, Y, smaller
+from qsmooth.kernels.line_trees import ask_trees, grow_trees
 
 # Rows of the thresholds: by kind of cell. Columns: `Limits`.
 QUAD, TRIANGLE = 0, 1
@@ -194,6 +195,16 @@ def _keep_line(lines: FloatArray, s: FloatArray, line: int, n: int) -> None:
 
 
 @helper()
+def _keep_lines(lines: FloatArray, s: FloatArray, block: Block) -> None:
+    """Keep the least clearances of two proposals from all lines."""
+    n, quads = block.size, block.n_quads
+    for k in range(quads):
+        _keep_quad_lines(lines, s, k * QUAD_LINES, n)
+    for k in range(block.n_triangles):
+        _keep_line(lines, s, quads * QUAD_LINES + k * LINE, n)
+
+
+@helper()
 def _add_kept(s: FloatArray, n: int) -> None:
     """Add the two proposals of each lane that are moves and keep the clearance."""
     for i in range(n):
@@ -247,7 +258,7 @@ def mean_proposals(
     of_triangles = Limits(
         angles[TRIANGLE, 0], angles[TRIANGLE, 1], angles[TRIANGLE, 2], angles[TRIANGLE, 3]
     )
-    count = quads + block.n_triangles
+    count, trees = quads + block.n_triangles, grow_trees(lines, block)
     for k in range(count + quads if by_quad else count):
         cell = k if k < count else k - count
         _gather_strides(s, block, cell, cells, pace, step)
@@ -260,10 +271,11 @@ def mean_proposals(
                 u, line = quads * ROW2 + k * ROW4, quads * LINE2 + k * LINE
                 w, asked = u + ROW2, of_triangles
             _propose(star, s, lines, u, w, line, n, asked)
-        for other in range(quads):
-            _keep_quad_lines(lines, s, other * QUAD_LINES, n)
-        for other in range(block.n_triangles):
-            _keep_line(lines, s, quads * QUAD_LINES + other * LINE, n)
+        if trees.size:
+            ask_trees(trees, s, block, FIRST_X, FIRST_Y, FIRST_KEPT)
+            ask_trees(trees, s, block, SECOND_X, SECOND_Y, SECOND_KEPT)
+        else:
+            _keep_lines(lines, s, block)
         _add_kept(s, n)
     for i in range(n):
         found = s[WEIGHT + i] > 0.0

@@ -84,7 +84,10 @@ def limits(
     keep_interfaces
         Whether vertices on the line between two regions, or on line cells of the file, stay.
     movable : (n_vertices,) bool
-        Vertices that may move, if these are others; boundary vertices may be among them.
+        Vertices that may move, if these are others; boundary vertices may be among them. They
+        count as free to go anywhere. That holds of vertices that slide, too, but is not the best
+        that can be said of them: the limits that `optimize` tells, and those that the shell shows
+        of every method, know how far edges along the boundary can turn.
 
     Returns
     -------
