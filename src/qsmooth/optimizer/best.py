@@ -218,6 +218,10 @@ class Best:
         """Take what was kept for the best."""
         self.xy[:], self.figures = mark
 
+    def take(self, xy: FloatArray) -> None:
+        """Take these coordinates for the best, whatever they are like."""
+        self.xy, self.figures = xy, self.measure(xy)
+
     def floor(self) -> float:
         """Mean shape that the worst cells may not cost more than."""
         share, least = 1.0 - self._mean_loss, 0.0

@@ -19,7 +19,7 @@ from qsmooth.optimizer.caps import ALWAYS, FREE, Caps
 from qsmooth.optimizer.extrapolation import Extrapolation
 from qsmooth.optimizer.look import Look
 from qsmooth.optimizer.progress import ROUND, Progress
-from qsmooth.sliding import Asked, Slider
+from qsmooth.sliding import RELAXATION, Demand, Slider
 from qsmooth.sums import exact_sum
 from qsmooth.targets import Targets, beside_others, ideal_corners
 from qsmooth.topology import Topology
@@ -44,8 +44,6 @@ BORDER_WEIGHT = 100.0
 NO_CORNERS = np.empty(0, np.int64)
 # Where an extrapolation is forbidden vertices are put back so often before it is given up.
 PUT_BACK = 12
-# Multiple of the Newton step that is tried first: neighbours follow the same way in their turn.
-RELAXATION = 1.7
 
 
 class Lanes:
@@ -136,7 +134,7 @@ class Lanes:
         return rows
 
     @cached_property
-    def _asked_of_slides(self) -> Asked:
+    def _asked_of_slides(self) -> Demand:
         """What is asked of the cells around each vertex that slides."""
         size_weight, slim, weight = self._asked
         targets, slider = self.targets, cast("Slider", self._slider)
