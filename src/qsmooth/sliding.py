@@ -382,15 +382,13 @@ class Slider:
 
     def _off(self, here: Places, xy: FloatArray) -> FloatArray:
         """How far each vertex is from its line, 0 for rounding, (n_sliding,)."""
+        now = xy[here.vertices]
         if self.answers is None:
-            target = here.start + here.fractions[:, None] * here.way
-            beside = here.off
+            beside, target = here.off, here.start + here.fractions[:, None] * here.way
         else:
-            target = self.answers
-            # In a tilted plane what is stored is rounded once more.
-            rounding = ROUNDING * np.abs(xy[here.vertices]).max(axis=1)
-            beside = np.hypot(*(xy[here.vertices] - target).T) > rounding
-        return np.where(beside, np.hypot(*(xy[here.vertices] - target).T), 0.0)
+            beside, target = np.ones(len(now), np.bool_), self.answers
+        far = np.hypot(*(now - target).T)
+        return np.where(beside & (far > ROUNDING * np.abs(now).max(axis=1)), far, 0.0)
 
 
 class Slides:

@@ -187,12 +187,6 @@ def _slid(sliding: Sliding | None) -> list[str]:
         counts.append(f"{what} by at most {percent:.2g} % of the local edge")
     elif counts:
         counts.append(f"the outline is {'on the curve' if sliding.on_curve else 'where it was'}")
-    if sliding.beside:
-        beside = plural(sliding.beside, "vertex", "vertices")
-        counts.append(
-            f"{beside} could not be brought onto the curve, and are up to {sliding.off_curve:.3g} "
-            "away from it"
-        )
     return counts
 
 
@@ -203,7 +197,15 @@ def _without_effect(sliding: Sliding | None) -> list[str]:
     n_sliding = sliding.may_slide + sliding.interface_vertices
     if not n_sliding:
         return [_nothing_slides(sliding)]
-    return [_unused(sliding, n_sliding)] if sliding.curves_unused else []
+    said = []
+    if sliding.beside:
+        beside = plural(sliding.beside, "vertex", "vertices")
+        said.append(
+            f"{beside} could not be brought onto the curve, up to {sliding.off_curve:.3g} away"
+        )
+    if sliding.curves_unused:
+        said.append(_unused(sliding, n_sliding))
+    return said
 
 
 def _nothing_slides(sliding: Sliding) -> str:
