@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from meshes import annulus, grid
 from promises import invalid_cells
-from qsmooth import Mesh, limits, read_mesh, smooth, untangle
+from qsmooth import Mesh, examples, limits, read_mesh, smooth, untangle
 from qsmooth.kernels.geometry import orientation
 from qsmooth.numbering import numbered
 from qsmooth.registry import all_methods
@@ -599,3 +599,31 @@ def test_a_real_shore(shared_meshes):
     assert slid.quality_after.shape.mean() > fixed.quality_after.shape.mean()
     assert slid.quality_after.min_angle.min() >= fixed.quality_before.min_angle.min() - 1e-9
     check_slid(Mesh(mesh.points[:, :2], mesh.cells), slid.points[:, :2], 0.01)
+
+
+# ------------------------------------------------------------------------------- high angles
+
+
+def test_high_angles_are_eased_where_vertices_slide(monkeypatch):
+    from qsmooth.optimizer import stages
+
+    mesh = examples.lake(2000)
+    eased = smooth(mesh, boundary="slide").quality_after
+    monkeypatch.setattr(stages, "_ease", lambda *_: None)
+    plain = smooth(mesh, boundary="slide").quality_after
+    assert eased.high_angle(99.0) < plain.high_angle(99.0) - 2.0
+    assert eased.max_angle.max() <= plain.max_angle.max() + 1e-9
+    assert eased.shape.mean() >= 0.995 * plain.shape.mean()
+    assert eased.shape.min() >= plain.shape.min() - 1e-9
+
+
+def test_what_sliding_is_to_bring_to_a_lake(shared_meshes):
+    mesh = read_mesh(shared_meshes / "superior_24k.off", surface="flat")
+    result = smooth(mesh, boundary="slide")
+    after = result.quality_after
+    assert after.min_angle.min() >= 15.55 - 0.005
+    assert after.max_angle.max() <= 153.9
+    assert np.percentile(after.max_angle, 99.0) <= 125.8
+    assert after.aspect_ratio.max() <= 6.9
+    assert after.shape.mean() >= 0.8283
+    assert result.outcome.sliding.deviation_share <= 0.01 * (1.0 + 1e-9)

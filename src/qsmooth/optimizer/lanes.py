@@ -162,6 +162,11 @@ class Lanes:
         return Quality(self.topology, xy)
 
     @property
+    def slides(self) -> bool:
+        """Whether some of the vertices slide."""
+        return self._slider is not None
+
+    @property
     def sized(self) -> bool:
         """Whether sizes count."""
         return bool(self.sizes[:, 1].any())
@@ -383,14 +388,14 @@ class Lanes:
         if self._slider is not None:
             self._asked_of_slides = self._slider.near(self._asked_of_slides, self._near)
 
-    def weigh_good(self, xy: FloatArray) -> None:
-        """Let each cell's shape energy f count by 1 / f² at these coordinates.
+    def weigh_good(self, xy: FloatArray, power: int = 2) -> None:
+        """Let each cell's shape energy f count by 1 / f² at these coordinates, or another power.
 
-        Then the energy falls as the mean of 1 / f, the mean shape, rises; else bad cells count for
-        more. Walls on shapes stay where they are.
+        With 1 / f² the energy falls as the mean of 1 / f, the mean shape, rises; else bad cells
+        count for more. Walls on shapes stay where they are, those on badness stand alike.
         """
         size_weight, slim, _ = self._asked
-        self._ask(size_weight, slim, np.minimum(self.worst_shape(xy), FLAT) ** -2)
+        self._ask(size_weight, slim, np.minimum(self.worst_shape(xy), FLAT) ** -power)
 
     def _ask(
         self, size_weight: FloatArray, slim: FloatArray, weight: FloatArray | None = None
