@@ -1,19 +1,27 @@
-"""Vertices come to lie where a function that is the curve has them, at the end of a run."""
+"""The end of a run with vertices that slide: onto the places of a function; and what is told."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from qsmooth._types import BoolArray, FloatArray
+from qsmooth.constraints import Freedom
 from qsmooth.curves import project
 from qsmooth.kernels.rails import Rails
+from qsmooth.mesh import Mesh
 from qsmooth.metrics import Quality, Validity
-from qsmooth.sliding import ROUNDING, SLACK_OF_FUNCTIONS, Places, Slider
+from qsmooth.numbering import Inside
+from qsmooth.outcome import Sliding
+from qsmooth.outline import Chains
+from qsmooth.sliding import SLACK_OF_FUNCTIONS, Places, Slider, slider_of
 from qsmooth.topology import Topology
 
+# Of the largest coordinate of a place: more than the rounding of points in a tilted plane.
+ROUNDING = 2.0**-48
 # A place is within reach if the square of its distance falls short of that of the reach by this
 # share, as in `kernels.confining`.
 REACH_ROUNDING = 2.0**-48
@@ -42,7 +50,7 @@ def land(
     chosen : (n_vertices,) or None
         The vertices that may go; None for all that slide.
     """
-    if slider.project is None:
+    if slider.chains.project is None:
         return
     here = slider.where(xy)
     vertices = here.vertices
@@ -84,14 +92,72 @@ def guard(
     return forbidden
 
 
+def slid(
+    freedom: Freedom, before: Mesh, after: Mesh, slider: Slider | None = None
+) -> Sliding | None:
+    """Say what became of the vertices that were to slide; None where none was.
+
+    `slider` is what slid, where anything was set up.
+    """
+    if freedom.chains is None:
+        return None
+    slider = slider or slider_of(freedom, before, Inside(before, kept=True))
+    return _not_slid(before, freedom.chains) if slider is None else _report(slider, after.xy)
+
+
+def _not_slid(mesh: Mesh, chains: Chains) -> Sliding:
+    """Say of lines on which nothing has moved, or can."""
+    return Sliding(
+        boundary_vertices=int(mesh.topology.is_boundary.sum()),
+        may_slide=0,
+        slid=0,
+        on_curve=bool(chains.follows.any()),
+        curves_unused=chains.n_unused,
+        line_vertices=chains.n_on_lines,
+        kept_vertices=chains.n_given,
+    )
+
+
+def _report(slider: Slider, after: FloatArray) -> Sliding:
+    """Sum up where the vertices have come to; of coordinates in the caller's order."""
+    xy, chains = slider.inside.at_vertices(after), slider.chains
+    here, far = slider.where(xy), slider.deviations(xy)
+    moved = (xy != slider.given).any(axis=1)[here.vertices]
+    chain_of = np.repeat(np.arange(chains.on_boundary.size), np.diff(chains.offsets))[here.entries]
+    on_boundary, off = chains.on_boundary[chain_of], _off(slider, here, xy)
+    return replace(
+        _not_slid(slider.mesh, chains),
+        may_slide=int(on_boundary.sum()),
+        slid=int((moved & on_boundary).sum()),
+        interface_vertices=int((~on_boundary).sum()),
+        interface_slid=int((moved & ~on_boundary).sum()),
+        beside=int((off > 0.0).sum()),
+        off_curve=float(off.max(initial=0.0)),
+        deviation=float(far[:, 0].max(initial=0.0)),
+        deviation_share=float(far[:, 1].max(initial=0.0)),
+        along_curve=int(chains.follows[chain_of].sum()),
+    )
+
+
+def _off(slider: Slider, here: Places, xy: FloatArray) -> FloatArray:
+    """How far each vertex is from its line, 0 for rounding, (n_sliding,)."""
+    now = xy[here.vertices]
+    if slider.answers is None:
+        beside, target = here.off, here.start + here.fractions[:, None] * here.way
+    else:
+        beside, target = np.ones(len(now), np.bool_), slider.answers
+    far = np.hypot(*(now - target).T)
+    return np.where(beside & (far > ROUNDING * np.abs(now).max(axis=1)), far, 0.0)
+
+
 def _answers(slider: Slider, here: Places, xy: FloatArray) -> FloatArray:
     """Ask the function, but for vertices at one of its places: these stay, (n_sliding, 2).
 
     Up to rounding, where a vertex has not moved.
     """
-    assert slider.project is not None
+    assert slider.chains.project is not None
     now, given = xy[here.vertices], slider.given[here.vertices]
-    answers = project(slider.project, now)
+    answers = project(slider.chains.project, now)
     rounding = ROUNDING * np.abs(now).max(axis=1)
     still = (now == given).all(axis=1) & (np.hypot(*(answers - now).T) <= rounding)
     at_place = (here.fractions == 0.0) & (now == here.start).all(axis=1)

@@ -1,9 +1,9 @@
-"""Vertices that slide along lines: set up for one run, swept, and reported."""
+"""Vertices that slide along lines: set up for one run, and swept."""
 
 from __future__ import annotations
 
 import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -11,13 +11,11 @@ import numpy as np
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray, TableArray
 from qsmooth.constraints import Freedom
-from qsmooth.curves import Projection
 from qsmooth.kernels.rails import FREE as ANYWHERE
 from qsmooth.kernels.rails import Rails
 from qsmooth.kernels.stars import Stars
 from qsmooth.mesh import Mesh
 from qsmooth.numbering import Inside
-from qsmooth.outcome import Sliding
 from qsmooth.outline import Chains, boundary_sides
 from qsmooth.schedule import make_schedule
 from qsmooth.targets import ideal
@@ -36,8 +34,6 @@ RELAXATION = 1.7
 SLACK_OF_FUNCTIONS = 0.125
 # More than the rounding of sines: what is held is not undercut by it.
 SLACK = 1e-14
-# Of the largest coordinate of a place: more than the rounding of points in a tilted plane.
-ROUNDING = 2.0**-48
 # Cosines and a sine that hold nothing.
 NO_COSINE, NO_SINE = 2.0, -2.0
 
@@ -103,7 +99,7 @@ class Slider:
     ----------
     vertices : (n_sliding,)
         Those that slide, in the order of the blocks.
-    rails
+    mesh, inside, chains, rails
         As given.
     answers : (n_sliding, 2) or None
         What the function that is the curve has answered in the end for the places of the vertices,
@@ -118,7 +114,7 @@ class Slider:
         tolerance: float,
         rails: Rails = ANYWHERE,
     ) -> None:
-        self._mesh, self._inside, self._chains = mesh, inside, chains
+        self.mesh, self.inside, self.chains = mesh, inside, chains
         self.topology = inside.topology
         self._tolerance, self.rails = tolerance, rails
         self.answers: FloatArray | None = None
@@ -128,15 +124,15 @@ class Slider:
     @cached_property
     def mask(self) -> BoolArray:
         """Mark the vertices that slide, in the order inside, (n_vertices,)."""
-        return self._chains.sliding(self.topology.n_vertices)[self.topology.vertex_ids]
+        return self.chains.sliding(self.topology.n_vertices)[self.topology.vertex_ids]
 
     @cached_property
     def blocks(self) -> Blocks:
         """The vertices in blocks of lanes."""
         from qsmooth.kernels.blocks import build_blocks
 
-        outer, inner = self._mesh.topology, self.topology
-        slides = self._chains.sliding(outer.n_vertices)
+        outer, inner = self.mesh.topology, self.topology
+        slides = self.chains.sliding(outer.n_vertices)
         stars: Stars = make_schedule(
             slides, outer.vertex_ids, outer.cells, (outer.star_offsets, outer.star_cells),
             outer.star_corners,
@@ -167,7 +163,7 @@ class Slider:
     def _outline(self) -> Outline:
         from qsmooth.kernels.outline import Outline
 
-        chains = self._chains
+        chains = self.chains
         vertices = chains.vertices
         if self.topology.is_renumbered:
             vertices = _places(self.topology.vertex_ids).astype(np.int64)[vertices]
@@ -193,8 +189,8 @@ class Slider:
         from qsmooth.kernels.outline import Sides
 
         # By the caller's numbers, so that equal places have the same order.
-        ends = boundary_sides(self._mesh.topology)
-        middle = 0.5 * (self._mesh.xy[ends[:, 0]] + self._mesh.xy[ends[:, 1]])
+        ends = boundary_sides(self.mesh.topology)
+        middle = 0.5 * (self.mesh.xy[ends[:, 0]] + self.mesh.xy[ends[:, 1]])
         low, size = middle.min(axis=0), np.ptp(middle, axis=0)
         scale = np.divide(2**LEVELS - 1, size, where=size > 0.0, out=np.zeros(2))
         ends = ends[curve_order(middle, low, scale)]
@@ -205,7 +201,7 @@ class Slider:
 
     def _entry_sides(self, vertices: IndexArray) -> IndexArray:
         """Side of the boundary from each entry to the next."""
-        chains, n = self._chains, self.topology.n_vertices
+        chains, n = self.chains, self.topology.n_vertices
         ends = np.sort(self._sides.ends, axis=1)
         keys = ends[:, 0] * n + ends[:, 1]
         order = np.argsort(keys)
@@ -295,17 +291,12 @@ class Slider:
     @cached_property
     def given(self) -> FloatArray:
         """Where all vertices of the mesh were, in the order inside, (n_vertices, 2)."""
-        return self._inside.at_vertices(self._mesh.xy)
-
-    @property
-    def project(self) -> Projection | None:
-        """What gives places on the curve, where that is a function."""
-        return self._chains.project
+        return self.inside.at_vertices(self.mesh.xy)
 
     def where(self, xy: FloatArray) -> Places:
         """Say where on the lines the vertices are."""
         self._refresh(xy)
-        outline, entries = self._outline, self._chains.inner
+        outline, entries = self._outline, self.chains.inner
         vertices = outline.vertices[entries]
         segments, fractions = outline.segments[entries], outline.fractions[entries]
         start, way = outline.nodes[segments], np.diff(outline.nodes, axis=0)[segments]
@@ -319,7 +310,7 @@ class Slider:
         if self._known and np.array_equal(self._known[0], now):
             return
         if self._known or not np.array_equal(self.given, xy):
-            offsets = self._chains.offsets
+            offsets = self.chains.offsets
             locate(xy, self._outline, np.stack([offsets[:-1], offsets[1:] - 1], axis=1))
         fit_boxes(xy, self._sides)
         self._known[:] = [now]
@@ -329,7 +320,7 @@ class Slider:
         from qsmooth.kernels.angle_bounds import Swings
         from qsmooth.kernels.swings import line_swings
 
-        n, chains = self.topology.n_vertices, self._chains
+        n, chains = self.topology.n_vertices, self.chains
         swings = Swings(np.full(n, -1.0), np.full(n, -1.0), np.full(n, -1.0))
         # Vertices beside a line may stay there, and what a function does between its places is
         # not known.
@@ -354,41 +345,15 @@ class Slider:
         """Mark the vertices that may move and do not slide, in the order inside, (n_vertices,)."""
         return free.movable & ~self.mask
 
-    def report(self, after: FloatArray) -> Sliding:
-        """Sum up where the vertices have come to; of coordinates in the caller's order."""
+    def deviations(self, xy: FloatArray) -> FloatArray:
+        """How far each edge is from its line, and that as a share of the edge, (n_entries, 2)."""
         from qsmooth.kernels.outline import deviations
 
-        xy = self._inside.at_vertices(after)
-        here, outline, chains = self.where(xy), self._outline, self._chains
-        far = np.empty((outline.vertices.size, 2))
-        deviations(xy, outline, far)
-        far[chains.offsets[1:] - 1] = 0.0
-        moved = (xy != self.given).any(axis=1)[here.vertices]
-        chain_of = np.repeat(np.arange(chains.on_boundary.size), np.diff(chains.offsets))
-        on_boundary = chains.on_boundary[chain_of][here.entries]
-        off = self._off(here, xy)
-        return replace(
-            not_slid(self._mesh, chains),
-            may_slide=int(on_boundary.sum()),
-            slid=int((moved & on_boundary).sum()),
-            interface_vertices=int((~on_boundary).sum()),
-            interface_slid=int((moved & ~on_boundary).sum()),
-            beside=int((off > 0.0).sum()),
-            off_curve=float(off.max(initial=0.0)),
-            deviation=float(far[:, 0].max(initial=0.0)),
-            deviation_share=float(far[:, 1].max(initial=0.0)),
-            along_curve=int(chains.follows[chain_of][here.entries].sum()),
-        )
-
-    def _off(self, here: Places, xy: FloatArray) -> FloatArray:
-        """How far each vertex is from its line, 0 for rounding, (n_sliding,)."""
-        now = xy[here.vertices]
-        if self.answers is None:
-            beside, target = here.off, here.start + here.fractions[:, None] * here.way
-        else:
-            beside, target = np.ones(len(now), np.bool_), self.answers
-        far = np.hypot(*(now - target).T)
-        return np.where(beside & (far > ROUNDING * np.abs(now).max(axis=1)), far, 0.0)
+        self._refresh(xy)
+        far = np.empty((self._outline.vertices.size, 2))
+        deviations(xy, self._outline, far)
+        far[self.chains.offsets[1:] - 1] = 0.0
+        return far
 
 
 class Slides:
@@ -430,32 +395,6 @@ def slider_of(free: Freedom, mesh: Mesh, inside: Inside) -> Slider | None:
     if free.chains is None or not free.chains.inner.size:
         return None
     return Slider(mesh, inside, free.chains, free.tolerance, free.rails())
-
-
-def slid(
-    freedom: Freedom, before: Mesh, after: Mesh, slider: Slider | None = None
-) -> Sliding | None:
-    """Say what became of the vertices that were to slide; None where none was.
-
-    `slider` is what slid, where anything was set up.
-    """
-    if freedom.chains is None:
-        return None
-    slider = slider or slider_of(freedom, before, Inside(before, kept=True))
-    return not_slid(before, freedom.chains) if slider is None else slider.report(after.xy)
-
-
-def not_slid(mesh: Mesh, chains: Chains) -> Sliding:
-    """Say of lines on which nothing has moved, or can."""
-    return Sliding(
-        boundary_vertices=int(mesh.topology.is_boundary.sum()),
-        may_slide=0,
-        slid=0,
-        on_curve=bool(chains.follows.any()),
-        curves_unused=chains.n_unused,
-        line_vertices=chains.n_on_lines,
-        kept_vertices=chains.n_given,
-    )
 
 
 def _places(ids: IndexArray) -> TableArray:

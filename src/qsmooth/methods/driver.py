@@ -16,7 +16,7 @@ from qsmooth.engine import Colours, Engine, threads_for
 from qsmooth.kernels.compiling import clock
 from qsmooth.kernels.rails import FREE, Rails
 from qsmooth.kernels.stars import Moves, Stars
-from qsmooth.landing import guard, land
+from qsmooth.landing import guard, land, slid
 from qsmooth.mesh import Mesh
 from qsmooth.methods.base import Method
 from qsmooth.methods.watching import Watch
@@ -25,7 +25,7 @@ from qsmooth.numbering import Inside
 from qsmooth.options import OptionError, option
 from qsmooth.outcome import Aim, Cut, Invalid, Outcome, Stage, Stop
 from qsmooth.result import History, SmoothResult, SweepRecord
-from qsmooth.sliding import Slides, slid, slider_of
+from qsmooth.sliding import Slides, slider_of
 from qsmooth.split import Diagonal, split_quads
 from qsmooth.topology import Topology
 

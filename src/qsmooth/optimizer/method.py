@@ -11,7 +11,7 @@ import numpy as np
 from qsmooth._types import FloatArray
 from qsmooth.engine import threads_for
 from qsmooth.kernels.compiling import clock
-from qsmooth.landing import guard, land
+from qsmooth.landing import guard, land, slid
 from qsmooth.mesh import Mesh
 from qsmooth.methods.base import Method
 from qsmooth.methods.driver import invalid_cells, stored
@@ -30,7 +30,6 @@ from qsmooth.optimizer.untangling import untangle, with_proof
 from qsmooth.options import opaque, option
 from qsmooth.outcome import Aim, Forbidden, Held, Invalid, Outcome, Stop, Target
 from qsmooth.result import History, SmoothResult
-from qsmooth.sliding import slid
 from qsmooth.sums import exact_mean
 from qsmooth.targets import (
     Targets,
@@ -293,7 +292,7 @@ class Optimize(_Staged):
 
     def _land(self, ground: Ground, start: FloatArray, best: Best) -> None:
         """Put sliding vertices where a function that is the curve has them, within what is held."""
-        if ground.slider is None or ground.slider.project is None:
+        if ground.slider is None or ground.slider.chains.project is None:
             return
         caps, xy = ground.lanes.caps, best.xy.copy()
         caps.hold(xy if best.good_enough() else start, self.hold, angles=not self.by_metric)
