@@ -323,6 +323,14 @@ def test_slide_sweep(benchmark, mesh, note):
     benchmark(sweep)
 
 
+def test_swings(benchmark, mesh, note):
+    """How far the edges of what slides can turn, for the limits; once a run."""
+    slider = slider_of(Constraints(boundary="slide").freedom(mesh), mesh, Inside(mesh, kept=True))
+    note(mesh, 1)
+    assert (slider.swings(mesh.xy).turn >= 0.0).any()
+    benchmark(slider.swings, mesh.xy)
+
+
 @pytest.mark.parametrize("threads", [1, 2])
 def test_extrapolation(benchmark, mesh, note, threads):
     """A round of notes and the place that it leads to; to be set beside ten sweeps."""

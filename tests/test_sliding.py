@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from meshes import grid
 from outlines import MESHES, bay, check_slid, crossings, distance, is_on, ring, sides, turns
 from promises import invalid_cells
-from qsmooth import Mesh, limits, read_mesh, smooth, untangle
+from qsmooth import Mesh, examples, limits, read_mesh, smooth, untangle
 from qsmooth.numbering import numbered
 from qsmooth.registry import all_methods
 from qsmooth.sliding import limits_of
@@ -239,6 +239,178 @@ def test_a_curve_far_away_leaves_the_outline_as_it_is():
     own = smooth(mesh, "star", boundary="slide")
     assert far.points.tobytes() == own.points.tobytes()
     assert not far.outcome.sliding.on_curve
+    assert far.outcome.sliding.curves_unused == 1
+    assert "no line of the mesh follows the curve" in far.reason
+    assert "follow" not in own.reason
+
+
+def test_a_curve_that_nothing_follows_beside_one_that_something_does():
+    mesh = ring(24, 3, 0.4)
+    curves = [circle(500, 1.0), circle(50, 30.0)]
+    result = smooth(mesh, "star", boundary="slide", curve=curves)
+    told = result.outcome.sliding
+    assert (told.curves_unused, told.along_curve, told.may_slide) == (1, 23, 46)
+    assert "1 curve given, but followed by no line of the mesh; 23 of 46" in result.reason
+
+
+@pytest.mark.parametrize(
+    ("options", "counts", "why"),
+    [
+        ({"boundary": "slide", "directions": (1.0, 0.0)}, (32, 32), "32 are fixed, outside"),
+        ({"boundary": "slide", "corner_angle": 0.0}, (32, 0), "32 are corners"),
+        ({"boundary": "slide", "fixed": "y < 0.02", "corner_angle": 0.0}, (32, 9), "9 are fixed"),
+        ({"interfaces": "slide"}, (0, 0), "there is no line to slide along"),
+    ],
+)
+@pytest.mark.parametrize("max_sweeps", [0, 5])
+def test_it_is_told_why_nothing_may_slide(options, counts, why, max_sweeps):
+    points, (quads,) = grid(8, 8)
+    x, y = points.T / 8.0
+    # All along the boundary it turns.
+    mesh = Mesh(np.stack([x + 0.05 * y * (1.0 - y), y + 0.05 * x * (1.0 - x)], axis=1), [quads])
+    result = smooth(mesh, "star", max_sweeps=max_sweeps, **options)
+    told = result.outcome.sliding
+    assert (told.may_slide, told.slid, told.interface_vertices) == (0, 0, 0)
+    assert (told.line_vertices, told.kept_vertices) == counts
+    assert "no vertex may slide" in result.reason
+    assert why in result.reason
+
+
+# ------------------------------------------------------------------------------- functions
+
+
+def onto_circles(places):
+    radius = np.hypot(*places.T)
+    return places / radius[:, None] * np.where(radius < 1.5, 1.0, 2.0)[:, None]
+
+
+def off_circles(points):
+    radius = np.hypot(*points.T)
+    return np.minimum(np.abs(radius - 1.0), np.abs(radius / 2.0 - 1.0))
+
+
+@every_method
+def test_vertices_come_to_lie_on_what_a_function_gives(known):
+    mesh = ring(24, 3, 0.5, seed=1)
+    method = known(boundary="slide", curve=onto_circles, threads=1)
+    if method.why_not(mesh):
+        return
+    result = smooth(mesh, method)
+    told = result.outcome.sliding
+    assert (told.beside, told.off_curve) == (0, 0.0)
+    assert off_circles(result.points[mesh.is_boundary]).max() < 1e-12
+    if not method.untangles or known.listed:  # a valid mesh is left as it is by untangling
+        assert told.slid > 40
+    assert not result.quality_after.n_invalid
+
+
+def test_a_function_is_followed_to_the_bit_by_what_has_slid():
+    """To places of a lattice along the curve, that no polyline through others has."""
+    answers = set()
+
+    def stepped(places):
+        angle = np.round(np.arctan2(places[:, 1], places[:, 0]) * 4096.0) / 4096.0
+        radius = np.where(np.hypot(*places.T) < 1.5, 1.0, 2.0)
+        found = radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        answers.update(map(tuple, found.tolist()))
+        return found
+
+    mesh = ring(24, 3, 0.5, seed=1)
+    result = smooth(mesh, boundary="slide", curve=stepped)
+    moved = (result.points != mesh.points).any(axis=1) & mesh.is_boundary
+    assert moved.sum() > 40
+    assert result.outcome.sliding.beside == 0
+    assert all(tuple(place) in answers for place in result.points[moved].tolist())
+
+
+def test_a_function_in_a_tilted_plane():
+    flat = ring(24, 3, 0.5, seed=1)
+    axes = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0][:2]
+    mesh = Mesh(flat.points @ axes, flat.cells)
+    middle = -mesh.plane.axes @ mesh.plane.origin
+    result = smooth(
+        mesh, "star", boundary="slide", curve=lambda at: middle + onto_circles(at - middle)
+    )
+    assert result.outcome.sliding.beside == 0
+    radius = np.hypot(*(result.mesh.xy - middle).T)[mesh.is_boundary]
+    assert np.minimum(np.abs(radius - 1.0), np.abs(radius - 2.0)).max() < 1e-12
+
+
+@pytest.mark.parametrize("method", ["optimize", "star"])
+def test_neither_threads_nor_numbering_change_a_bit_along_a_function(method):
+    mesh, options = ring(24, 3, 0.5, seed=1), {"boundary": "slide", "curve": onto_circles}
+    points = smooth(mesh, method, threads=1, **options).points
+    assert smooth(mesh, method, threads=2, **options).points.tobytes() == points.tobytes()
+    with numbered("curve"):
+        assert smooth(mesh, method, **options).points.tobytes() == points.tobytes()
+
+
+@pytest.mark.parametrize("method", ["optimize", "star"])
+def test_what_can_not_be_brought_onto_a_function_is_told(method):
+    """Below, the curve is farther in than the cells there are high."""
+    points, (quads,) = grid(8, 8)
+    x, y = points.T / 8.0
+    y = np.where(y == 0.125, 0.02, y)
+    mesh = Mesh(np.stack([x, y], axis=1), [quads], fixed=(y > 0.0) & (y < 1.0))
+
+    def risen(places):
+        below = (places[:, 1] < 0.05) & (places[:, 0] > 0.0) & (places[:, 0] < 1.0)
+        return np.where(below[:, None], [[0.0, 0.05]], 0.0) + np.stack(
+            [places[:, 0], np.where(below, 0.0, places[:, 1])], axis=1
+        )
+
+    result = smooth(mesh, method, boundary="slide", curve=risen, corner_angle=60.0)
+    told = result.outcome.sliding
+    assert told.beside == 7
+    assert told.off_curve == pytest.approx(0.05)
+    assert "7 vertices could not be brought onto the curve, up to 0.05 away" in result.reason
+    assert not result.quality_after.n_invalid
+
+
+@pytest.mark.parametrize("method", ["optimize", "star"])
+def test_reach_holds_along_a_function(method):
+    mesh, reach = ring(24, 3, 0.5, seed=1), 0.05
+    mesh = mesh.with_points(mesh.points * np.where(mesh.is_boundary, 1.001, 1.0)[:, None])
+    result = smooth(mesh, method, boundary="slide", curve=onto_circles, max_move=reach)
+    assert (np.linalg.norm(result.points - mesh.points, axis=1) <= reach).all()
+    assert result.outcome.sliding.slid > 40
+
+
+def broken(answer, first=1):
+    """A function that goes wrong from some call on."""
+    calls = []
+
+    def curve(places):
+        calls.append(len(places))
+        return answer(places) if len(calls) >= first else onto_circles(places)
+
+    return curve
+
+
+def raising(places):
+    raise KeyError("no spline")
+
+
+def partly_nan(places):
+    found = onto_circles(places)
+    found[3:5, 0] = math.nan
+    return found
+
+
+@pytest.mark.parametrize("first", [1, 2])
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        (raising, r"asked to project \d+ places, an array \(\d+, 2\), and raised KeyError"),
+        (partly_nan, r"must give finite places: 2 of \d+ are not, the first for \("),
+        (lambda places: places[:-1], r"must give places \(\d+, 2\) for as many, got \(\d+, 2\)"),
+        (lambda places: None, "must give places .* got"),
+        (lambda places: "nowhere", r"must give an array of places \(\d+, 2\).*got str"),
+    ],
+)
+def test_functions_that_go_wrong_are_told_of(answer, message, first):
+    with pytest.raises(ValueError, match=message):
+        smooth(ring(24, 2, 0.4), "star", boundary="slide", curve=broken(answer, first))
 
 
 def test_curves_are_read_from_files(tmp_path):
@@ -339,3 +511,31 @@ def test_a_real_shore(shared_meshes):
     assert slid.quality_after.shape.mean() > fixed.quality_after.shape.mean()
     assert slid.quality_after.min_angle.min() >= fixed.quality_before.min_angle.min() - 1e-9
     check_slid(Mesh(mesh.points[:, :2], mesh.cells), slid.points[:, :2], 0.01)
+
+
+# ------------------------------------------------------------------------------- high angles
+
+
+def test_high_angles_are_eased_where_vertices_slide(monkeypatch):
+    from qsmooth.optimizer import stages
+
+    mesh = examples.lake(2000)
+    eased = smooth(mesh, boundary="slide").quality_after
+    monkeypatch.setattr(stages, "_ease", lambda *_: None)
+    plain = smooth(mesh, boundary="slide").quality_after
+    assert eased.high_angle(99.0) < plain.high_angle(99.0) - 2.0
+    assert eased.max_angle.max() <= plain.max_angle.max() + 1e-9
+    assert eased.shape.mean() >= 0.995 * plain.shape.mean()
+    assert eased.shape.min() >= plain.shape.min() - 1e-9
+
+
+def test_what_sliding_is_to_bring_to_a_lake(shared_meshes):
+    mesh = read_mesh(shared_meshes / "superior_24k.off", surface="flat")
+    result = smooth(mesh, boundary="slide")
+    after = result.quality_after
+    assert after.min_angle.min() >= 15.55 - 0.005
+    assert after.max_angle.max() <= 153.9
+    assert np.percentile(after.max_angle, 99.0) <= 125.8
+    assert after.aspect_ratio.max() <= 6.9
+    assert after.shape.mean() >= 0.8283
+    assert result.outcome.sliding.deviation_share <= 0.01 * (1.0 + 1e-9)

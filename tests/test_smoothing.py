@@ -289,6 +289,29 @@ def test_no_work_begins_that_would_end_too_late(monkeypatch):
     assert stops == [None, Stop.TIME_LIMIT]  # a third would end at 12
 
 
+@pytest.mark.nojit
+def test_time_is_kept_back_for_what_comes_after_the_sweeps(monkeypatch):
+    from qsmooth.methods import watching
+
+    now = [0.0]
+    monkeypatch.setattr(watching, "clock", lambda: now[0])
+    watch, stops = watching.Watch(all_methods()["star"](time_limit=10.0)), []
+    now[0] += 2.0
+    watch.set_up()
+    for _ in range(6):
+        now[0] += 1.0
+        watch.set_up()  # only the first time counts
+        stops.append(watch.stop())
+    assert stops == [None, None, None, None, None, Stop.TIME_LIMIT]  # at 8, and ends at 10
+    assert not watch.leaves_time_for(1.5)
+    assert watch.leaves_time_for(0.5)
+    slow = watching.Watch(all_methods()["star"](time_limit=10.0))
+    now[0] += 9.0
+    slow.set_up()  # half of the time at most
+    assert slow.stop() is Stop.TIME_LIMIT
+    assert watching.Watch(all_methods()["star"]()).stop() is None
+
+
 @pytest.mark.parametrize("name", ["star", "optimize"])
 @pytest.mark.parametrize("limit", [7.0, 40.0, 95.0])
 def test_a_time_limit_is_held_to_a_tenth(monkeypatch, name, limit):

@@ -52,7 +52,8 @@ class Freedom:
     rounding
         A length that a move may grow by when it is stored: in a tilted plane.
     chains
-        Lines along which some of `movable` slide, of the caller's vertices; None where none does.
+        Lines along which some of `movable` slide, of the caller's vertices; without any where none
+        can, None where none is to.
     tolerance
         How far an edge on these may be from its line, as a share of the edge.
     by_edge : (n_vertices,) or None
@@ -280,7 +281,7 @@ class Constraints(Options):
         may = np.ones(mesh.n_vertices, np.bool_)
         for marks in stays:
             may &= ~marks
-        chains = find_chains(
+        return find_chains(
             mesh,
             may,
             boundary=self.boundary == "slide",
@@ -288,7 +289,6 @@ class Constraints(Options):
             corner_angle=self.corner_angle,
             curve=self.curve,
         )
-        return chains if chains.inner.size else None
 
     def _by_edge(self, mesh: Mesh, shares: FloatArray | None) -> FloatArray | None:
         """What share of its shortest edge each vertex may come, (n_vertices,).

@@ -85,15 +85,56 @@ def checked_curve(curve: Any) -> Curve:
     return curves
 
 
-def line_of(places: FloatArray, curve: Curve | None) -> Line:
-    """Give the line that a chain at these places, (m, 2), slides along."""
+def line_of(places: FloatArray, curve: Curve | None) -> tuple[Line, int]:
+    """Give the line that a chain at these places, (m, 2), slides along.
+
+    Returns
+    -------
+    line, which
+        And the number of the curve that it is part of; -1 where the chain is its own line.
+    """
     if callable(curve):
-        return _sampled(places, curve)
-    for one in curve or []:
+        return _sampled(places, curve), 0
+    for which, one in enumerate(curve or []):
         line = _on_curve(places, one)
         if line is not None:
-            return line
-    return _with_end(places, np.arange(len(places)), np.zeros(len(places), np.bool_))
+            return line, which
+    return _with_end(places, np.arange(len(places)), np.zeros(len(places), np.bool_)), -1
+
+
+def project(curve: Projection, places: FloatArray) -> FloatArray:
+    """Ask a projection for its places, (k, 2), for as many.
+
+    Raises
+    ------
+    OptionError
+        If it gives anything else, or raises an exception.
+    """
+    n = len(places)
+    try:
+        answer = curve(places.copy())
+    except Exception as error:
+        raise OptionError(
+            f"`curve` was asked to project {n} places, an array {places.shape}, and raised "
+            f"{type(error).__name__}: {error}"
+        ) from error
+    try:
+        found = np.array(answer, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise OptionError(
+            f"`curve` must give an array of places {places.shape} for as many, got "
+            f"{type(answer).__name__}"
+        ) from None
+    if found.shape != places.shape:
+        raise OptionError(f"`curve` must give places {places.shape} for as many, got {found.shape}")
+    bad = ~np.isfinite(found).all(axis=1)
+    if bad.any():
+        x, y = places[bad][0].tolist()
+        raise OptionError(
+            f"`curve` must give finite places: {bad.sum()} of {n} are not, the first for "
+            f"({x:g}, {y:g})"
+        )
+    return found
 
 
 def _with_end(nodes: FloatArray, at_nodes: IndexArray, off: BoolArray) -> Line:
@@ -103,17 +144,13 @@ def _with_end(nodes: FloatArray, at_nodes: IndexArray, off: BoolArray) -> Line:
     return nodes, segments, fractions, off
 
 
-def _sampled(places: FloatArray, project: Projection) -> Line:
+def _sampled(places: FloatArray, curve: Projection) -> Line:
     """Ask for places on a curve, as many for each edge."""
     shares = np.arange(SAMPLES)[:, None] / SAMPLES
     steps = np.diff(places, axis=0)
     between = places[:-1, None] + shares * steps[:, None]
     asked = np.concatenate([between.reshape(-1, 2), places[-1:]])
-    nodes = np.array(project(asked.copy()), dtype=np.float64)
-    if nodes.shape != asked.shape or not np.isfinite(nodes).all():
-        raise OptionError(
-            f"`curve` must give finite places {asked.shape} for as many, got {nodes.shape}"
-        )
+    nodes = project(curve, asked)
     at = np.arange(len(places)) * SAMPLES
     return _with_end(nodes, at, (nodes[at] != places).any(axis=1))
 

@@ -249,7 +249,7 @@ class Carried:
 
 @dataclass(frozen=True, kw_only=True)
 class Sliding:
-    """What became of the vertices that could slide, and of the lines that they are on.
+    """What became of the vertices that were to slide, and of the lines that they are on.
 
     Attributes
     ----------
@@ -257,13 +257,20 @@ class Sliding:
         Vertices of the boundary; those of them that could slide; and that are elsewhere now.
     interface_vertices, interface_slid
         Vertices on lines inside the mesh that could slide, and that are elsewhere now.
-    beside
-        Those that could not be brought onto the curve that was given.
+    beside, off_curve
+        Those that could not be brought onto the curve that was given, and how far from it they are
+        at most, a length.
     deviation, deviation_share
         Largest distance of an edge from the line that it stands for, a length; and the largest as a
         share of its edge.
-    on_curve
-        Whether that line is a curve that was given, and not the mesh's own.
+    on_curve, along_curve
+        Whether that line is, anywhere, a curve that was given and not the mesh's own; and how many
+        of those that could slide have it for their line.
+    curves_unused
+        Curves that were given and that no line of the mesh follows.
+    line_vertices, kept_vertices
+        Vertices on all the lines along which vertices were to slide, corners and ends with them;
+        and those of them that are fixed, outside the selection, or have a direction of their own.
     """
 
     boundary_vertices: int
@@ -275,6 +282,11 @@ class Sliding:
     deviation: float = 0.0
     deviation_share: float = 0.0
     on_curve: bool = False
+    off_curve: float = 0.0
+    along_curve: int = 0
+    curves_unused: int = 0
+    line_vertices: int = 0
+    kept_vertices: int = 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -319,7 +331,7 @@ class Outcome:
     carried
         What became of values that belong to places, a record each.
     sliding
-        What became of the vertices that could slide; None where none could.
+        What became of the vertices that were to slide; None where none was.
     limits
         Provable bounds of the angles, `qsmooth.Limits`, where the method works them out.
     """

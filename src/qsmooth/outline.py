@@ -9,15 +9,10 @@ from typing import Any
 import numpy as np
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray
-from qsmooth.curves import Curve, line_of
+from qsmooth.curves import Curve, Projection, line_of
 from qsmooth.io.file_content import FileContent
 from qsmooth.mesh import Mesh
 from qsmooth.topology import Topology
-
-# Degrees: more than the rounding of angles; and a line that turns less is as good as straight.
-ANGLE_ROUNDING, NEARLY_STRAIGHT = 1e-9, 1e-6
-# Of a line of more nodes it is not worked out how far its ends can turn.
-MOST_NODES = 4000
 
 
 @dataclass(frozen=True)
@@ -37,8 +32,14 @@ class Chains:
         the last of a chain is 1.
     off : (n_entries,)
         Whether a vertex is beside its line, whose nearest place that is.
-    on_curve
-        Whether the lines are parts of a curve that was given.
+    follows : (n_chains,)
+        Whether a line is part of a curve that was given.
+    project
+        What gives places on that curve, if it is a function.
+    n_unused
+        Curves given that no chain follows.
+    n_on_lines, n_given
+        Vertices on the lines asked for; and those of them that the caller keeps where they are.
     """
 
     vertices: IndexArray
@@ -48,7 +49,11 @@ class Chains:
     segments: IndexArray
     fractions: FloatArray
     off: BoolArray
-    on_curve: bool = False
+    follows: BoolArray
+    project: Projection | None = None
+    n_unused: int = 0
+    n_on_lines: int = 0
+    n_given: int = 0
 
     @property
     def inner(self) -> IndexArray:
@@ -97,15 +102,21 @@ def find_chains(
         What takes the place of the chains near it.
     """
     outer, inner, free = _edges(mesh)
-    free &= may & ~mesh.topology.given_fixed
+    may = may & ~mesh.topology.given_fixed
+    free &= may
     found: list[tuple[bool, IndexArray]] = []
     at_outer, at_inner = _degrees(outer, mesh), _degrees(inner, mesh)
+    on_lines = np.zeros(mesh.n_vertices, np.bool_)
     if boundary:
+        on_lines |= at_outer > 0
         found += [(True, c) for c in _walk(mesh.xy, outer, free & (at_inner == 0), corner_angle)]
     if interfaces:
+        on_lines |= at_inner > 0
         found += [(False, c) for c in _walk(mesh.xy, inner, free & (at_outer == 0), corner_angle)]
-    lines = [line_of(mesh.xy[chain], curve) for _, chain in found]
+    each = [line_of(mesh.xy[chain], curve) for _, chain in found]
+    lines, which = [line for line, _ in each], [k for _, k in each]
     starts = np.cumsum([0, *(len(line[0]) for line in lines)])
+    listed = [] if curve is None or callable(curve) else curve
     return Chains(
         vertices=_joined([chain for _, chain in found], np.int64),
         offsets=np.cumsum([0, *(chain.size for _, chain in found)]),
@@ -114,10 +125,11 @@ def find_chains(
         segments=_joined([s + line[1] for s, line in zip(starts, lines, strict=False)], np.int64),
         fractions=_joined([line[2] for line in lines], np.float64),
         off=_joined([line[3] for line in lines], np.bool_),
-        on_curve=any(
-            not np.array_equal(line[0], mesh.xy[chain])
-            for (_, chain), line in zip(found, lines, strict=True)
-        ),
+        follows=np.array(which, np.int64) >= 0,
+        project=curve if callable(curve) else None,
+        n_unused=len(set(range(len(listed))) - set(which)),
+        n_on_lines=int(on_lines.sum()),
+        n_given=int((on_lines & ~may).sum()),
     )
 
 
@@ -145,9 +157,11 @@ def _edges(mesh: Mesh) -> tuple[IndexArray, IndexArray, BoolArray]:
     outer = boundary_sides(topology)
     inner = _region_edges(topology)
     groups = _line_groups(mesh)
+    free = np.ones(mesh.n_vertices, np.bool_)
+    if not groups:
+        return outer, inner, free
     known = {_key(a, b) for a, b in outer.tolist()}
     listed = {_key(a, b): (a, b) for a, b in inner.tolist()}
-    free = np.ones(mesh.n_vertices, np.bool_)
     offsets, ring = topology.rings
     for a, b in groups:
         if (a, b) not in known:
@@ -189,8 +203,6 @@ def _group_ends(
 ) -> BoolArray:
     """Mark the vertices where edges of different groups meet, (n_vertices,)."""
     ends = np.zeros(n_vertices, np.bool_)
-    if not groups:
-        return ends
     at: dict[int, set[int] | None] = {}
     for a, b in edges.tolist():
         own = groups.get(_key(a, b))
@@ -275,69 +287,3 @@ def _turns(xy: FloatArray, a: IndexArray, v: IndexArray, b: IndexArray) -> Float
     u, w = xy[v] - xy[a], xy[b] - xy[v]
     cross = u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0]
     return np.asarray(np.abs(np.degrees(np.arctan2(cross, (u * w).sum(axis=1)))))
-
-
-# ------------------------------------------------------------------------------- how edges turn
-
-
-def spread(nodes: FloatArray) -> float:
-    """Angle between the directions of a line's segments that differ most, degrees.
-
-    Edges between places on the line lie between these directions, if it is less than 180°.
-    """
-    steps = np.diff(nodes, axis=0)
-    steps = steps[(steps != 0.0).any(axis=1)]
-    u, w = steps[:-1], steps[1:]
-    cross, dot = u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0], (u * w).sum(axis=1)
-    ways = np.degrees(np.r_[0.0, np.cumsum(np.arctan2(cross, dot))])
-    return float(np.ptp(ways)) + ANGLE_ROUNDING
-
-
-def swing(nodes: FloatArray, now: FloatArray, tolerance: float) -> float:
-    """By how much the edge from the start of a line to a place on it can turn, degrees.
-
-    Nodes that it leaves out are no farther from it than `tolerance` says, so that it can't point
-    far beside any of them.
-
-    Parameters
-    ----------
-    nodes : (m, 2)
-        Of the line.
-    now : (2,)
-        Where the end of the edge is.
-    tolerance
-        As a share of the edge.
-
-    Returns
-    -------
-    float
-        -1 where nothing is known.
-    """
-    whole = spread(nodes)
-    if whole < NEARLY_STRAIGHT:
-        return whole
-    away = nodes[1:] - nodes[0]
-    far = np.hypot(away[:, 0], away[:, 1])
-    if len(nodes) > MOST_NODES or (far[:-1] == 0.0).any():
-        return -1.0
-    way = np.arctan2(away[:, 1], away[:, 0])
-    turned = _wrapped(way - way[0])
-    low = high = 0.0
-    for k in range(1, len(far)):
-        share = tolerance * max(far[k - 1], far[k]) / far[:k]
-        if share[0] >= 1.0:
-            return -1.0
-        # A node as near as that to the start bounds nothing.
-        half = np.where(share < 1.0, np.arcsin(np.minimum(share, 1.0)), np.inf)
-        least, most = (turned[:k] - half).max(), (turned[:k] + half).min()
-        if far[k] > 0.0:
-            to = turned[k - 1] + _wrapped(turned[k] - turned[k - 1])
-            least, most = max(least, min(turned[k - 1], to)), min(most, max(turned[k - 1], to))
-        if least <= most:
-            low, high = min(low, least), max(high, most)
-    at = float(_wrapped(np.arctan2(*(now - nodes[0])[::-1]) - way[0]))
-    return float(np.degrees(max(abs(low - at), abs(high - at)))) + ANGLE_ROUNDING
-
-
-def _wrapped(angle: Any) -> Any:
-    return (angle + np.pi) % (2.0 * np.pi) - np.pi

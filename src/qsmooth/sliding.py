@@ -1,11 +1,11 @@
-"""Vertices that slide along lines: set up for one run, swept, and reported."""
+"""Vertices that slide along lines: set up for one run, and swept."""
 
 from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -18,8 +18,7 @@ from qsmooth.mesh import Mesh
 from qsmooth.metrics import Limits, quality
 from qsmooth.metrics.bounds import angle_limits
 from qsmooth.numbering import Inside
-from qsmooth.outcome import Sliding
-from qsmooth.outline import Chains, boundary_sides, spread, swing
+from qsmooth.outline import Chains, boundary_sides
 from qsmooth.schedule import make_schedule
 from qsmooth.targets import ideal
 
@@ -30,8 +29,11 @@ if TYPE_CHECKING:
     from qsmooth.kernels.newton_sweep import Wall
     from qsmooth.kernels.outline import Outline, Sides
 
-# Multiple of the Newton step that is tried first.
+# Multiple of the Newton step that is tried first: neighbours follow the same way in their turn.
 RELAXATION = 1.7
+# A vertex beside the places of a function by less than this share of their distance slides from
+# there: a curve that turns by less than a radian between two of them is as near to their chord.
+SLACK_OF_FUNCTIONS = 0.125
 # More than the rounding of sines: what is held is not undercut by it.
 SLACK = 1e-14
 # Cosines and a sine that hold nothing.
@@ -39,7 +41,7 @@ NO_COSINE, NO_SINE = 2.0, -2.0
 
 
 @dataclass(frozen=True)
-class Asked:
+class Demand:
     """What is asked of the cells around sliding vertices.
 
     Attributes
@@ -50,6 +52,30 @@ class Asked:
 
     rows: Rows
     maps: Maps
+
+
+class Places(NamedTuple):
+    """Where the vertices that slide are, in the order of the chains.
+
+    Attributes
+    ----------
+    entries, vertices : (n_sliding,)
+        Their entries of the chains, and their ids in the order inside.
+    segments, fractions : (n_sliding,)
+        As in `Outline`.
+    start, way : (n_sliding, 2)
+        Where the segment of each begins, and the vector along it.
+    off : (n_sliding,)
+        Whether a vertex is not on its line.
+    """
+
+    entries: IndexArray
+    vertices: IndexArray
+    segments: IndexArray
+    fractions: FloatArray
+    start: FloatArray
+    way: FloatArray
+    off: BoolArray
 
 
 class Slider:
@@ -75,6 +101,11 @@ class Slider:
     ----------
     vertices : (n_sliding,)
         Those that slide, in the order of the blocks.
+    mesh, inside, chains, rails
+        As given.
+    answers : (n_sliding, 2) or None
+        What the function that is the curve has answered in the end for the places of the vertices,
+        in the order of the chains; None if it has not been asked.
     """
 
     def __init__(
@@ -85,29 +116,30 @@ class Slider:
         tolerance: float,
         rails: Rails = ANYWHERE,
     ) -> None:
-        self._mesh, self._inside, self._chains = mesh, inside, chains
+        self.mesh, self.inside, self.chains = mesh, inside, chains
         self.topology = inside.topology
-        self._tolerance, self._rails = tolerance, rails
+        self._tolerance, self.rails = tolerance, rails
+        self.answers: FloatArray | None = None
         # Coordinates for which it is known where the vertices are; shared by all of `only`.
         self._known: list[FloatArray] = []
 
     @cached_property
     def mask(self) -> BoolArray:
         """Mark the vertices that slide, in the order inside, (n_vertices,)."""
-        return self._chains.sliding(self.topology.n_vertices)[self.topology.vertex_ids]
+        return self.chains.sliding(self.topology.n_vertices)[self.topology.vertex_ids]
 
     @cached_property
     def blocks(self) -> Blocks:
         """The vertices in blocks of lanes."""
         from qsmooth.kernels.blocks import build_blocks
 
-        outer, inner = self._mesh.topology, self.topology
-        slides = self._chains.sliding(outer.n_vertices)
+        outer, inner = self.mesh.topology, self.topology
+        slides = self.chains.sliding(outer.n_vertices)
         stars: Stars = make_schedule(
             slides, outer.vertex_ids, outer.cells, (outer.star_offsets, outer.star_cells),
             outer.star_corners,
         )  # fmt: skip
-        blocks: Blocks = build_blocks(stars)._replace(rails=self._rails)
+        blocks: Blocks = build_blocks(stars)._replace(rails=self.rails)
         if not inner.is_renumbered:
             return blocks
         at, cell_at = _places(inner.vertex_ids), _places(inner.cell_ids)
@@ -133,7 +165,7 @@ class Slider:
     def _outline(self) -> Outline:
         from qsmooth.kernels.outline import Outline
 
-        chains = self._chains
+        chains = self.chains
         vertices = chains.vertices
         if self.topology.is_renumbered:
             vertices = _places(self.topology.vertex_ids).astype(np.int64)[vertices]
@@ -149,6 +181,7 @@ class Slider:
             entries=entry[self.vertices],
             free=np.ones(self.vertices.size, np.bool_),
             tolerance=self._tolerance,
+            slack=0.0 if chains.project is None else SLACK_OF_FUNCTIONS,
         )
 
     @cached_property
@@ -158,8 +191,8 @@ class Slider:
         from qsmooth.kernels.outline import Sides
 
         # By the caller's numbers, so that equal places have the same order.
-        ends = boundary_sides(self._mesh.topology)
-        middle = 0.5 * (self._mesh.xy[ends[:, 0]] + self._mesh.xy[ends[:, 1]])
+        ends = boundary_sides(self.mesh.topology)
+        middle = 0.5 * (self.mesh.xy[ends[:, 0]] + self.mesh.xy[ends[:, 1]])
         low, size = middle.min(axis=0), np.ptp(middle, axis=0)
         scale = np.divide(2**LEVELS - 1, size, where=size > 0.0, out=np.zeros(2))
         ends = ends[curve_order(middle, low, scale)]
@@ -170,15 +203,17 @@ class Slider:
 
     def _entry_sides(self, vertices: IndexArray) -> IndexArray:
         """Side of the boundary from each entry to the next."""
+        chains, n = self.chains, self.topology.n_vertices
         ends = np.sort(self._sides.ends, axis=1)
-        known = {(a, b): i for i, (a, b) in enumerate(ends.tolist())}
+        keys = ends[:, 0] * n + ends[:, 1]
+        order = np.argsort(keys)
         out = np.full(vertices.size, -1)
-        offsets = self._chains.offsets.tolist()
-        listed = vertices.tolist()
-        for chain in np.flatnonzero(self._chains.on_boundary).tolist():
-            for e in range(offsets[chain], offsets[chain + 1] - 1):
-                a, b = listed[e], listed[e + 1]
-                out[e] = known[(a, b) if a < b else (b, a)]
+        at = np.repeat(chains.on_boundary, np.diff(chains.offsets))
+        at[chains.offsets[1:] - 1] = False
+        e = np.flatnonzero(at)
+        a, b = vertices[e], vertices[e + 1]
+        own = np.minimum(a, b) * n + np.maximum(a, b)
+        out[e] = order[np.searchsorted(keys, own, sorter=order)]
         return out
 
     @cached_property
@@ -196,7 +231,7 @@ class Slider:
         slim: FloatArray,
         weight: FloatArray,
         maps: FloatArray | None = None,
-    ) -> Asked:
+    ) -> Demand:
         """Put together what is asked of cells, as `blocks.make_rows` takes it; and their maps."""
         from qsmooth.kernels.blocks import SHAPES, SIZES, WALLS, make_rows
         from qsmooth.kernels.mapped_sweep import Maps
@@ -207,24 +242,24 @@ class Slider:
         n_rows = self.blocks.cells.size
         identity = np.repeat([[1.0], [0.0], [1.0]], n_rows, axis=1)
         own = identity if maps is None else maps[self.blocks.cells].T.copy()
-        return Asked(rows, Maps(own[0], own[1], own[2]))
+        return Demand(rows, Maps(own[0], own[1], own[2]))
 
-    def ask_ideal(self) -> Asked:
+    def ask_ideal(self) -> Demand:
         """Ask for squares and equilateral triangles."""
         targets, n = ideal(self.topology), self.topology.n_cells
         none = np.zeros(n)
         return self.ask(targets.corners, targets.area, none, none, np.ones(n))
 
-    def near(self, asked: Asked, near: FloatArray) -> Asked:
+    def near(self, asked: Demand, near: FloatArray) -> Demand:
         """Let the walls on badness stand elsewhere, (n_cells,)."""
-        return Asked(asked.rows._replace(near=near[self.blocks.cells]), asked.maps)
+        return Demand(asked.rows._replace(near=near[self.blocks.cells]), asked.maps)
 
     def sweep(
         self,
         xy: FloatArray,
         wall: Wall,
         held: FloatArray,
-        asked: Asked,
+        asked: Demand,
         lengths: FloatArray,
         selected: Blocks | None = None,
     ) -> None:
@@ -253,12 +288,30 @@ class Slider:
         )
         self._note(xy)
 
-    def meets(self, xy: FloatArray) -> bool:
-        """Whether two sides of the boundary meet that do not share a vertex."""
-        from qsmooth.kernels.outline import any_meet
+    def meeting(self, xy: FloatArray) -> BoolArray:
+        """Mark the vertices of sides that meet others beside their ends, (n_vertices,)."""
+        from qsmooth.kernels.outline import meeting_sides
 
         self._refresh(xy)
-        return bool(any_meet(xy, self._sides))
+        ends = self._sides.ends
+        found, marked = np.empty(len(ends), np.bool_), np.zeros(self.topology.n_vertices, np.bool_)
+        meeting_sides(xy, self._sides, found)
+        marked[ends[found]] = True
+        return marked
+
+    @cached_property
+    def given(self) -> FloatArray:
+        """Where all vertices of the mesh were, in the order inside, (n_vertices, 2)."""
+        return self.inside.at_vertices(self.mesh.xy)
+
+    def where(self, xy: FloatArray) -> Places:
+        """Say where on the lines the vertices are."""
+        self._refresh(xy)
+        outline, entries = self._outline, self.chains.inner
+        vertices = outline.vertices[entries]
+        segments, fractions = outline.segments[entries], outline.fractions[entries]
+        start, way = outline.nodes[segments], np.diff(outline.nodes, axis=0)[segments]
+        return Places(entries, vertices, segments, fractions, start, way, outline.off[entries])
 
     def _refresh(self, xy: FloatArray) -> None:
         """Find out where the vertices are, if others have moved them."""
@@ -267,8 +320,8 @@ class Slider:
         now = xy[self._outline.vertices]
         if self._known and np.array_equal(self._known[0], now):
             return
-        if self._known or not np.array_equal(self._inside.at_vertices(self._mesh.xy), xy):
-            locate(xy, self._outline, self._chains.ends)
+        if self._known or not np.array_equal(self.given, xy):
+            locate(xy, self._outline, self.chains.ends)
         fit_boxes(xy, self._sides)
         self._known[:] = [now]
 
@@ -278,22 +331,20 @@ class Slider:
 
     def swings(self, xy: FloatArray) -> Swings:
         """Say how far the edges of vertices that slide along the boundary can turn."""
-        from qsmooth.kernels.angle_bounds import HALF_TURN, Swings
+        from qsmooth.kernels.angle_bounds import Swings
+        from qsmooth.kernels.swings import line_swings
 
-        n, offsets, chains = self.topology.n_vertices, self._chains.offsets, self._chains
-        turn, after, before = np.full(n, -1.0), np.full(n, -1.0), np.full(n, -1.0)
-        vertices = self._outline.vertices
-        for chain in np.flatnonzero(chains.on_boundary).tolist():
-            first, last = offsets[chain], offsets[chain + 1] - 1
-            own = vertices[first : last + 1]
-            if chains.off[first : last + 1].any():
-                continue  # edges may stay beside the line
-            nodes = chains.nodes[chains.segments[first] : chains.segments[last] + 2]
-            most = spread(nodes)
-            turn[own[1:-1]] = most if most < HALF_TURN else -1.0
-            after[own[1]] = swing(nodes, xy[own[1]], self._tolerance)
-            before[own[-2]] = swing(nodes[::-1], xy[own[-2]], self._tolerance)
-        return Swings(turn, after, before)
+        n, chains = self.topology.n_vertices, self.chains
+        swings = Swings(np.full(n, -1.0), np.full(n, -1.0), np.full(n, -1.0))
+        # Vertices beside a line may stay there, and what a function does between its places is
+        # not known.
+        beside = np.logical_or.reduceat(chains.off, chains.offsets[:-1])
+        wanted = chains.on_boundary & ~beside & (chains.project is None)
+        line_swings(
+            xy, chains.nodes, self._outline.vertices, chains.segments, chains.offsets, wanted,
+            self._tolerance, swings,
+        )  # fmt: skip
+        return swings
 
     def shares(self, xy: FloatArray, lengths: FloatArray, shares: FloatArray) -> None:
         """Take each vertex's move, (n_sliding,), as a share of its shortest edge."""
@@ -308,28 +359,15 @@ class Slider:
         """Mark the vertices that may move and do not slide, in the order inside, (n_vertices,)."""
         return free.movable & ~self.mask
 
-    def report(self, before: FloatArray, xy: FloatArray) -> Sliding:
-        """Sum up where the vertices have come to, from `before`; both in the order inside."""
+    def deviations(self, xy: FloatArray) -> FloatArray:
+        """How far each edge is from its line, and that as a share of the edge, (n_entries, 2)."""
         from qsmooth.kernels.outline import deviations
 
         self._refresh(xy)
-        outline, chains = self._outline, self._chains
-        far = np.empty((outline.vertices.size, 2))
-        deviations(xy, outline, far)
-        far[chains.offsets[1:] - 1] = 0.0
-        moved = (xy != before).any(axis=1)[outline.vertices[chains.inner]]
-        on_boundary = np.repeat(chains.on_boundary, np.diff(chains.offsets))[chains.inner]
-        return Sliding(
-            boundary_vertices=int(self.topology.is_boundary.sum()),
-            may_slide=int(on_boundary.sum()),
-            slid=int((moved & on_boundary).sum()),
-            interface_vertices=int((~on_boundary).sum()),
-            interface_slid=int((moved & ~on_boundary).sum()),
-            beside=int(outline.off[chains.inner].sum()),
-            deviation=float(far[:, 0].max(initial=0.0)),
-            deviation_share=float(far[:, 1].max(initial=0.0)),
-            on_curve=chains.on_curve,
-        )
+        far = np.empty((self._outline.vertices.size, 2))
+        deviations(xy, self._outline, far)
+        far[self.chains.offsets[1:] - 1] = 0.0
+        return far
 
 
 class Slides:
@@ -375,15 +413,9 @@ def slider_of(free: Freedom, mesh: Mesh, inside: Inside) -> Slider | None:
     mesh, inside
         What is swept, and its order in memory.
     """
-    if free.chains is None:
+    if free.chains is None or not free.chains.inner.size:
         return None
     return Slider(mesh, inside, free.chains, free.tolerance, free.rails())
-
-
-def slid(freedom: Freedom, before: Mesh, after: Mesh) -> Sliding | None:
-    """Say what became of the vertices that could slide; None where none could."""
-    slider = slider_of(freedom, before, Inside(before, kept=True))
-    return None if slider is None else slider.report(before.xy.copy(), after.xy.copy())
 
 
 def limits_of(freedom: Freedom, before: Mesh, after: Mesh) -> Limits:

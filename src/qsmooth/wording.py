@@ -65,6 +65,7 @@ def reason(outcome: Outcome, *, spell: Callable[[str], str] = str, limits: bool 
         parts += _done(outcome)
         parts += [*_towards(outcome.target), *_sizes(outcome.sizes, outcome.trades)]
         parts += _slid(outcome.sliding)
+    parts += _without_effect(outcome.sliding)
     parts += [*_given_up(outcome, spell), *_why(outcome, spell)]
     parts += _not_valid(outcome)
     parts += [_carried(record, spell) for record in outcome.carried if record.largest > 0.0]
@@ -186,10 +187,52 @@ def _slid(sliding: Sliding | None) -> list[str]:
         counts.append(f"{what} by at most {percent:.2g} % of the local edge")
     elif counts:
         counts.append(f"the outline is {'on the curve' if sliding.on_curve else 'where it was'}")
+    return counts
+
+
+def _without_effect(sliding: Sliding | None) -> list[str]:
+    """What was asked of sliding vertices in vain."""
+    if sliding is None:
+        return []
+    n_sliding = sliding.may_slide + sliding.interface_vertices
+    if not n_sliding:
+        return [_nothing_slides(sliding)]
+    said = []
     if sliding.beside:
         beside = plural(sliding.beside, "vertex", "vertices")
-        counts.append(f"{beside} could not be brought onto the curve")
-    return counts
+        said.append(
+            f"{beside} could not be brought onto the curve, up to {sliding.off_curve:.3g} away"
+        )
+    if sliding.curves_unused:
+        said.append(_unused(sliding, n_sliding))
+    return said
+
+
+def _nothing_slides(sliding: Sliding) -> str:
+    """Why no vertex may slide."""
+    n, kept = sliding.line_vertices, sliding.kept_vertices
+    if not n:
+        return "no vertex may slide, as there is no line to slide along"
+    why = []
+    if kept:
+        why.append(f"{kept} are fixed, outside the selection or have a direction of their own")
+    if kept < n:
+        why.append(f"{n - kept} are corners, or ends of lines")
+    return f"no vertex may slide: of {n} on the lines {' and '.join(why)}"
+
+
+def _unused(sliding: Sliding, n_sliding: int) -> str:
+    """Say that curves were given which nothing follows."""
+    if not sliding.on_curve:
+        return (
+            "no line of the mesh follows the curve given, every vertex within an edge of it: they "
+            "are their own curves"
+        )
+    curves = plural(sliding.curves_unused, "curve", "curves")
+    return (
+        f"{curves} given, but followed by no line of the mesh; {sliding.along_curve} of "
+        f"{n_sliding} vertices that may slide are along one"
+    )
 
 
 def _factor(value: float) -> str:

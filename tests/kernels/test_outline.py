@@ -87,6 +87,10 @@ def test_vertices_are_found_again(seed, unit):
     beside = xy + np.array([0.0, 0.01 * unit])
     kernels.locate(beside, lost, np.array([[0, 7]]))
     assert lost.off[1:-1].all()
+    # With a slack they count as on it, near where they were.
+    near = lost._replace(slack=0.125)
+    kernels.locate(beside, near, np.array([[0, 7]]))
+    assert not near.off.any()
 
 
 @pytest.mark.nojit
@@ -145,7 +149,10 @@ def test_what_an_edge_meets(seed, n):
         # Sides of its own vertices do not count.
         own = any(meet(xy[0], (x, y), xy[a], xy[b]) for a, b in ends[1:])
         assert kernels.meets_side(xy, *sides, v, x, y, 0) == own
-    crossed = any(
-        meet(*xy[list(one)], *xy[list(other)]) for i, one in enumerate(ends) for other in ends[:i]
-    )
-    assert kernels.any_meet(xy, sides) == crossed
+    crossed = [
+        any(meet(*xy[list(one)], *xy[list(other)]) for other in ends if other != one)
+        for one in ends
+    ]
+    found = np.empty(n, np.bool_)
+    kernels.meeting_sides(xy, sides, found)
+    assert found.tolist() == crossed

@@ -68,6 +68,8 @@ def test_figures_are_those_of_quality():
     assert found.plain_shape == pytest.approx(own.shape.mean(), rel=1e-12)
     assert found.least_shape == pytest.approx(own.shape.min(), rel=1e-12)
     assert found.low_angle == pytest.approx(np.percentile(own.min_angle, 1.0), rel=1e-12)
+    high = lanes.look(mesh.xy).quality.high_angle(99.0)
+    assert high == pytest.approx(np.percentile(own.max_angle, 99.0), rel=1e-12)
     assert found.free_jacobian >= own.scaled_jacobian.min() * (1.0 - 1e-12)
     assert (found.n_invalid, found.resized) == (0, 0.0)
 
@@ -216,6 +218,28 @@ def test_relaxed_the_mean_gains_and_the_rest_may_lose_a_little():
     ]:
         _, offer = best_of()
         found, is_kept = offer("offer_relaxed", 29.1, 0.38, **figures)
+        assert found is is_kept is expected
+
+
+@pytest.mark.nojit
+def test_eased_high_angles_count_too(monkeypatch):
+    for room, figures, expected in [
+        (1.0, {"shape": 0.81}, True),
+        (1.0, {"shape": 0.80}, False),
+        (1.02, {"shape": 0.795}, True),
+        (1.02, {"shape": 0.785}, False),  # below the floor
+        (1.001, {"shape": 0.795}, False),  # not worth it
+        (0.98, {"shape": 0.81}, False),
+        (1.02, {"low_angle": 28.0}, False),  # too low
+    ]:
+        best, offer = best_of()
+        start = best.xy.copy()
+
+        def counted(self, xy, start=start, room=room):
+            return 1.0 if np.array_equal(xy, start) else room
+
+        monkeypatch.setattr(Best, "_room", counted)
+        found, is_kept = offer("offer_eased", 0.79, 28.5, **figures)
         assert found is is_kept is expected
 
 

@@ -194,17 +194,18 @@ def test_aiming_again_takes_all_walls_down():
 # ------------------------------------------------------------------------------- good cells
 
 
+@pytest.mark.parametrize("power", [1, 2])
 @pytest.mark.parametrize("kind", KINDS)
-def test_good_cells_are_weighed_and_walls_stay_where_they_are(kind):
+def test_good_cells_are_weighed_and_walls_stay_where_they_are(kind, power):
     mesh, wall = random_mesh(kind, 4, seed=5, amount=0.7).mesh, Wall(2.0, 1.5, 3)
     lanes = lanes_of(mesh)
     lanes.wall_off(mesh.xy)
     shape, asked = lanes.worst_shape(mesh.xy), ideals_of(mesh)
     for cell, f in zip(reference.as_lists(mesh), shape, strict=True):
         own = asked[frozenset(cell)]
-        own.targets = {v: np.array(m) / f**2 for v, m in own.targets.items()}
-        own.slim = f**2 / max(SLIMMER * f, LEAST_SLIM)
-    lanes.weigh_good(mesh.xy)
+        own.targets = {v: np.array(m) / f**power for v, m in own.targets.items()}
+        own.slim = f**power / max(SLIMMER * f, LEAST_SLIM)
+    lanes.weigh_good(mesh.xy, power)
     xy, order = one_round(lanes, mesh, wall)
     np.testing.assert_allclose(xy, plain_round(mesh, order, wall, asked), rtol=0, atol=1e-8)
 

@@ -119,7 +119,7 @@ def project_system(
     rails: Rails,
     unit: float,
     gradient: FloatArray,
-    values: SingleArray,
+    values: FloatArray | SingleArray,
     tangents: FloatArray,
 ) -> None:
     """Leave a linear system only what the vertices may still do, each along its tangent.

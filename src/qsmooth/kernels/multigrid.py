@@ -265,7 +265,7 @@ def sweep_backward(
 def multiply(
     offsets: IndexArray,
     columns: TableArray,
-    values: SingleArray,
+    values: FloatArray | SingleArray,
     x: FloatArray,
     out: FloatArray,
     products: FloatArray,

@@ -43,6 +43,9 @@ class Outline(NamedTuple):
         Which of them may slide now.
     tolerance
         How far an edge may be from the outline, as a share of the edge.
+    slack
+        How far beside a segment a vertex may be and yet count as on it, as a share of the segment:
+        more than rounding where segments only come near to what is meant.
     """
 
     nodes: FloatArray
@@ -54,6 +57,7 @@ class Outline(NamedTuple):
     entries: IndexArray
     free: BoolArray
     tolerance: float
+    slack: float = 0.0
 
 
 class Sides(NamedTuple):
@@ -199,6 +203,7 @@ def locate(xy: FloatArray, outline: Outline, first_last: IndexArray) -> None:
                 if squares < least:
                     least, best, best_f = squares, segment, own
                     near = ON_SEGMENT * _largest(nodes, segment)
+                    near = max(near, outline.slack * segment_length(nodes, segment))
                     is_off = squares > near * near
                     if not is_off:
                         break
@@ -367,11 +372,15 @@ def meets_side(
 
 
 @kernel()
-def any_meet(xy: FloatArray, sides: Sides) -> bool:
-    """Whether two sides meet that do not share a vertex; the boxes fit the sides."""
+def meeting_sides(xy: FloatArray, sides: Sides, out: BoolArray) -> None:
+    """Mark the sides that meet another with which they share no vertex; the boxes fit the sides.
+
+    Parameters
+    ----------
+    out : (n_sides,)
+        Overwritten.
+    """
     ends, boxes = sides.ends, sides.boxes
     for i in range(ends.shape[0]):
         a, b = ends[i, 0], ends[i, 1]
-        if meets_side(xy, ends, boxes, b, xy[b, 0], xy[b, 1], a):
-            return True
-    return False
+        out[i] = meets_side(xy, ends, boxes, b, xy[b, 0], xy[b, 1], a)

@@ -203,7 +203,7 @@ def assemble(
     sizes: FloatArray,
     maps: FloatArray,
     gradient: FloatArray,
-    values: SingleArray,
+    values: FloatArray | SingleArray,
 ) -> None:
     """Sum the corners' derivatives into the gradient and the block matrix of the mesh.
 

@@ -132,7 +132,9 @@ def _keeps_near(xy: FloatArray, outline: Outline, e: int, segment: int, x: float
 
 @helper()
 def _on_one_segment(outline: Outline, e: int, segment: int) -> bool:
-    """Whether entry e and its neighbours lie on one segment, and it stays there."""
+    """Whether entry e and its neighbours lie on one segment, up to rounding, and it stays there."""
+    if outline.slack > 0.0:
+        return False
     last, end = outline.segments[e + 1], outline.fractions[e + 1]
     return bool(
         outline.segments[e - 1] == segment

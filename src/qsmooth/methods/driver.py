@@ -16,6 +16,7 @@ from qsmooth.engine import Colours, Engine, threads_for
 from qsmooth.kernels.compiling import clock
 from qsmooth.kernels.rails import FREE, Rails
 from qsmooth.kernels.stars import Moves, Stars
+from qsmooth.landing import guard, land, slid
 from qsmooth.mesh import Mesh
 from qsmooth.methods.base import Method
 from qsmooth.methods.watching import Watch
@@ -24,7 +25,7 @@ from qsmooth.numbering import Inside
 from qsmooth.options import OptionError, option
 from qsmooth.outcome import Aim, Cut, Invalid, Outcome, Stage, Stop
 from qsmooth.result import History, SmoothResult, SweepRecord
-from qsmooth.sliding import Slides, slid, slider_of
+from qsmooth.sliding import Slides, slider_of
 from qsmooth.split import Diagonal, split_quads
 from qsmooth.topology import Topology
 
@@ -151,6 +152,7 @@ class SweepingMethod(Method):
         topology = swept.topology
         run = _Run(self, inside.topology, inside.at_vertices(mesh.xy), before, watch)
         engine = threads_for(self.threads, freedom.n_movable) if freedom.n_movable else None
+        slider = None
         if engine is not None and self.max_sweeps:
             free = freedom.inside(inside)
             slider = slider_of(free, cut, swept)
@@ -163,9 +165,12 @@ class SweepingMethod(Method):
             cells = swept.chosen_cells(selected)
             slides = None if slider is None else Slides(slider, worst)
             setting = Setting(topology, stars, good, cells, rails=free.rails(), slides=slides)
+            watch.set_up()
             with engine.running():
                 for aim, n_sweeps in self.stages():
                     run.stage(replace(setting, aim=aim), engine, n_sweeps)
+            if slider is not None:
+                land(slider, run.xy, guard(topology, run.xy, worst))
         elif engine is not None:
             run.stop = Stop.MAX_SWEEPS
         xy = inside.back(run.xy)
@@ -183,7 +188,7 @@ class SweepingMethod(Method):
                 guarded=self.guards,
                 selected=self.selection is not None,
                 unchanged=result is mesh or np.array_equal(result.points, mesh.points),
-                sliding=slid(freedom, mesh, result),
+                sliding=slid(freedom, mesh, result, slider),
                 invalid=invalid_cells(before, after),
                 cut=None
                 if cut is mesh

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 # A time limit is held to this: no piece of work begins that would end later.
 HELD_TO = 1.1
+# The share of it that is kept back at most for what comes after the sweeps.
+MOST_AFTERWARDS = 0.5
 
 
 class Watch:
@@ -37,6 +39,7 @@ class Watch:
         self._callback, self._limit = options.callback, options.time_limit
         self._started = self._last = clock() if started is None else started
         self.asked = False
+        self._afterwards = 0.0
         self._error: Exception | None = None
 
     @property
@@ -58,6 +61,15 @@ class Watch:
         self._started += away
         self._last += away
 
+    def set_up(self) -> None:
+        """Note that sweeps begin: what comes after them takes about as long as what came before.
+
+        Both go over the whole mesh a few times. Only the first call counts.
+        """
+        if self._limit is not None and not self._afterwards:
+            self._last = clock()
+            self._afterwards = min(self._last - self._started, MOST_AFTERWARDS * self._limit)
+
     def stop(self) -> Stop | None:
         """Why to stop now, if there is a reason; asked between two pieces of work.
 
@@ -69,13 +81,15 @@ class Watch:
             return None
         now = clock()
         spent, piece, self._last = now - self._started, now - self._last, now
+        spent += self._afterwards
         if spent >= self._limit or spent + piece > HELD_TO * self._limit:
             return Stop.TIME_LIMIT
         return None
 
     def leaves_time_for(self, seconds: float) -> bool:
         """Whether a piece of work that takes so long would end in time."""
-        return self._limit is None or self.seconds + seconds <= HELD_TO * self._limit
+        spent = self.seconds + self._afterwards
+        return self._limit is None or spent + seconds <= HELD_TO * self._limit
 
     def give_back(self, result: SmoothResult) -> SmoothResult:
         """Return the result; or raise what the callback raised, with the result as `result`."""

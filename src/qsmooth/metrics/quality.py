@@ -81,7 +81,7 @@ class Quality:
         # Extreme angles, and the smallest of each cell, in the measure of `kernels.cell_lanes`; and
         # how many cells are not valid, or not so beyond rounding: as far as they are known.
         self._extremes: tuple[float, float] | None = None
-        self._low_diamonds: FloatArray | None = None
+        self._diamonds: tuple[FloatArray, FloatArray] | None = None
         self._doubtful: int | None = None
 
     def __repr__(self) -> str:
@@ -161,12 +161,19 @@ class Quality:
 
     def low_angle(self, percent: float) -> float:
         """Percentile of the cells' smallest angles, degrees."""
-        smallest = self.angles[0] if self._low_diamonds is None else self._low_diamonds
-        place = percent / 100.0 * (smallest.size - 1)
-        at = min(int(place), max(smallest.size - 2, 0))
-        ends = [at, min(at + 1, smallest.size - 1)]
-        low, high = np.partition(smallest, ends)[ends].tolist()
-        if self._low_diamonds is not None:
+        return self._percentile(0, percent)
+
+    def high_angle(self, percent: float) -> float:
+        """Percentile of the cells' largest angles, degrees."""
+        return self._percentile(1, percent)
+
+    def _percentile(self, which: int, percent: float) -> float:
+        angles = self.angles[which] if self._diamonds is None else self._diamonds[which]
+        place = percent / 100.0 * (angles.size - 1)
+        at = min(int(place), max(angles.size - 2, 0))
+        ends = [at, min(at + 1, angles.size - 1)]
+        low, high = np.partition(angles, ends)[ends].tolist()
+        if self._diamonds is not None:
             low, high = _in_degrees([low, high])
         return float(low + (place - at) * (high - low))
 
@@ -183,7 +190,7 @@ class Quality:
         Diamonds are smallest and largest angles in the measure of `kernels.cell_lanes`.
         """
         self._figures.update(shape=read_only(shape), area=read_only(area))
-        self._low_diamonds = diamonds[0]
+        self._diamonds = diamonds
         self._extremes = float(diamonds[0].min()), float(diamonds[1].max())
         if valid:
             self._doubtful = 0

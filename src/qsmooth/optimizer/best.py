@@ -28,6 +28,8 @@ MOST_RESIZED = 0.06
 TINY = 1e-6
 # The percentile that low angles stand for; how much they and the worst shape count beside the mean.
 LOW, LOW_COUNTS, SHAPE_COUNTS = 1.0, 0.3, 0.1
+# The same of high angles, by what they fall short of 180 degrees.
+HIGH, HIGH_COUNTS = 99.0, 0.3
 
 
 @dataclass(frozen=True)
@@ -185,6 +187,28 @@ class Best:
         enough = now.low_angle >= low and now.least_shape >= worst and self.affords(now)
         return self._keep(xy, enough and now.shape > self.figures.shape)
 
+    def offer_eased(self, xy: FloatArray, floor: float, low: float) -> bool:
+        """Keep coordinates if they are better overall, high angles included, and like these.
+
+        Parameters
+        ----------
+        floor, low
+            Mean shape and low angles that they must have.
+
+        Returns
+        -------
+        bool
+            Whether they are kept.
+        """
+        best = self.figures.overall * self._room(self.xy)
+        now = self._see(xy)
+        enough = now.shape >= floor and now.low_angle >= low and self.affords(now)
+        return self._keep(xy, enough and now.overall * self._room(xy) > best)
+
+    def _room(self, xy: FloatArray) -> float:
+        """What high angles count for."""
+        return float((180.0 - self.lanes.look(xy).quality.high_angle(HIGH)) ** HIGH_COUNTS)
+
     def _see(self, xy: FloatArray) -> Figures:
         """Measure coordinates that are offered, and note the round."""
         self.last = self.measure(xy)
@@ -217,6 +241,10 @@ class Best:
     def back_to(self, mark: tuple[FloatArray, Figures]) -> None:
         """Take what was kept for the best."""
         self.xy[:], self.figures = mark
+
+    def take(self, xy: FloatArray) -> None:
+        """Take these coordinates for the best, whatever they are like."""
+        self.xy, self.figures = xy, self.measure(xy)
 
     def floor(self) -> float:
         """Mean shape that the worst cells may not cost more than."""

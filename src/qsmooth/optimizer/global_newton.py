@@ -126,7 +126,7 @@ class GlobalNewton:
         # The energy is the same in any unit; single precision is not.
         unit = math.ldexp(1.0, math.frexp(float(np.ptp(xy, axis=0).max()))[1])
         corners, sizes, maps = self._targets
-        values = self._solver.values
+        values: FloatArray | SingleArray = self._solver.values
         if exact:
             values = np.empty(values.shape)
         assemble(

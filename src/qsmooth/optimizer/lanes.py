@@ -19,7 +19,7 @@ from qsmooth.optimizer.caps import ALWAYS, FREE, Caps
 from qsmooth.optimizer.extrapolation import Extrapolation
 from qsmooth.optimizer.look import Look
 from qsmooth.optimizer.progress import ROUND, Progress
-from qsmooth.sliding import Asked, Slider
+from qsmooth.sliding import RELAXATION, Demand, Slider
 from qsmooth.sums import exact_sum
 from qsmooth.targets import Targets, beside_others, ideal_corners
 from qsmooth.topology import Topology
@@ -44,8 +44,6 @@ BORDER_WEIGHT = 100.0
 NO_CORNERS = np.empty(0, np.int64)
 # Where an extrapolation is forbidden vertices are put back so often before it is given up.
 PUT_BACK = 12
-# Multiple of the Newton step that is tried first: neighbours follow the same way in their turn.
-RELAXATION = 1.7
 
 
 class Lanes:
@@ -136,7 +134,7 @@ class Lanes:
         return rows
 
     @cached_property
-    def _asked_of_slides(self) -> Asked:
+    def _asked_of_slides(self) -> Demand:
         """What is asked of the cells around each vertex that slides."""
         size_weight, slim, weight = self._asked
         targets, slider = self.targets, cast("Slider", self._slider)
@@ -162,6 +160,11 @@ class Lanes:
     def quality(self, xy: FloatArray) -> Quality:
         """Measure the mesh at these coordinates."""
         return Quality(self.topology, xy)
+
+    @property
+    def slides(self) -> bool:
+        """Whether some of the vertices slide."""
+        return self._slider is not None
 
     @property
     def sized(self) -> bool:
@@ -390,14 +393,14 @@ class Lanes:
         if self._slider is not None:
             self._asked_of_slides = self._slider.near(self._asked_of_slides, self._near)
 
-    def weigh_good(self, xy: FloatArray) -> None:
-        """Let each cell's shape energy f count by 1 / f² at these coordinates.
+    def weigh_good(self, xy: FloatArray, power: int = 2) -> None:
+        """Let each cell's shape energy f count by 1 / f² at these coordinates, or another power.
 
-        Then the energy falls as the mean of 1 / f, the mean shape, rises; else bad cells count for
-        more. Walls on shapes stay where they are.
+        With 1 / f² the energy falls as the mean of 1 / f, the mean shape, rises; else bad cells
+        count for more. Walls on shapes stay where they are, those on badness stand alike.
         """
         size_weight, slim, _ = self._asked
-        self._ask(size_weight, slim, np.minimum(self.worst_shape(xy), FLAT) ** -2)
+        self._ask(size_weight, slim, np.minimum(self.worst_shape(xy), FLAT) ** -power)
 
     def _ask(
         self, size_weight: FloatArray, slim: FloatArray, weight: FloatArray | None = None

@@ -11,6 +11,7 @@ import numpy as np
 from qsmooth._types import FloatArray
 from qsmooth.engine import threads_for
 from qsmooth.kernels.compiling import clock
+from qsmooth.landing import guard, land, slid
 from qsmooth.mesh import Mesh
 from qsmooth.methods.base import Method
 from qsmooth.methods.driver import invalid_cells, stored
@@ -29,7 +30,6 @@ from qsmooth.optimizer.untangling import untangle, with_proof
 from qsmooth.options import opaque, option
 from qsmooth.outcome import Aim, Forbidden, Held, Invalid, Outcome, Stop, Target
 from qsmooth.result import History, SmoothResult
-from qsmooth.sliding import slid
 from qsmooth.sums import exact_mean
 from qsmooth.targets import (
     Targets,
@@ -92,10 +92,11 @@ class _Staged(Method):
         movable, n_movable = freedom.movable, freedom.n_movable
         progress = Progress(self, before, started)
         result, found, after = mesh, _Found(mesh.xy), before
-        bounds = None
+        bounds = slider = None
         if n_movable:
             engine = threads_for(self.threads, n_movable)
             ground = Ground(inside, freedom.inside(inside), engine, meant)
+            slider = ground.slider
             with engine.running():
                 found = self.stages(ground, before, progress)
                 ground.forget()  # the larger part of the memory of a run
@@ -129,7 +130,7 @@ class _Staged(Method):
                 held=found.held,
                 invalid=invalid,
                 target=found.target,
-                sliding=slid(freedom, mesh, result),
+                sliding=slid(freedom, mesh, result, slider),
                 sizes=sizes,
                 limits=bounds,
             ),
@@ -253,6 +254,7 @@ class Optimize(_Staged):
         lanes = ground.lanes
         given = xy.copy() if before.n_invalid else xy  # untangling may move more than is invalid
         if before.n_invalid:
+            progress.watch.set_up()
             with progress.stage(Aim.UNTANGLE):
                 untangle(ground, xy, progress)
         lanes.caps.hold(xy, self.hold, angles=not self.by_metric)
@@ -262,12 +264,14 @@ class Optimize(_Staged):
             if meant is None:
                 few = before.n_invalid <= FEW_INVALID * lanes.topology.n_cells
                 meant = self.read(inside, given, given if few else xy)
+            progress.watch.set_up()
             best, xy = self._improved(lanes, inside, xy, meant, progress)
         by_walls = self.worst and not self.by_metric
         if by_walls and not (best.good_enough() or self._nothing_to_gain(lanes, best)):
             with progress.stage(Aim.WORST_CELLS):
                 mend_worst(lanes, xy, best, progress)
         best.settle()
+        self._land(ground, start, best)
         targets = lanes.targets
         was, now = self._towards(lanes, inside, start), self._towards(lanes, inside, best.xy)
         return _Found(
@@ -285,6 +289,15 @@ class Optimize(_Staged):
             ),
             layers=float(targets.is_layer.mean()),
         )
+
+    def _land(self, ground: Ground, start: FloatArray, best: Best) -> None:
+        """Put sliding vertices where a function that is the curve has them, within what is held."""
+        if ground.slider is None or ground.slider.chains.project is None:
+            return
+        caps, xy = ground.lanes.caps, best.xy.copy()
+        caps.hold(xy if best.good_enough() else start, self.hold, angles=not self.by_metric)
+        land(ground.slider, xy, caps.forbidden)
+        best.take(xy)
 
     def _kept(
         self, lanes: Lanes, start: FloatArray, best: Best, progress: Progress
@@ -455,8 +468,13 @@ class Untangle(_Staged):
         """Untangle, unless the mesh is valid."""
         xy = ground.inside.at_vertices(ground.inside.mesh.xy)
         if before.n_invalid:
+            start = xy.copy()
+            progress.watch.set_up()
             with progress.stage(Aim.UNTANGLE):
                 untangle(ground, xy, progress)
+            if ground.slider is not None:
+                slid_there = (xy != start).any(axis=1)
+                land(ground.slider, xy, guard(ground.topology, xy), slid_there)
         return _Found(xy)
 
     def finished(self, found: _Found, invalid: Invalid | None) -> Stop:

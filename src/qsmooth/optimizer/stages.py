@@ -54,6 +54,10 @@ RELAX_ROUNDS, RELAX_GAIN, RELAX_WEIGHT = 12, 1e-4, 11.0
 # Low angles and the worst shape keep this fraction of what they have. A round that would cost them
 # more is taken back, and so often tried with the mean counting for less.
 KEPT, RELAX_PATIENCE, RELAX_LESS = 0.97, 2, 0.2
+# Where vertices slide a low wall, at a sine of one over this, then pushes back all high and low
+# angles a little: its power 2 ** squarings, how much the mean counts beside it, rounds at most. A
+# round that is no gain is taken back, and tried with the mean counting for more.
+EASE_WALL, EASE_WEIGHT, EASE_ROUNDS, EASE_PATIENCE, EASE_MORE = (2, 1.2), 6.0, 6, 2, 4.0
 
 
 def improve_mean(
@@ -193,6 +197,10 @@ def mend_worst(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> 
     lanes.caps.hold(best.xy, HOLDABLE)
     xy[:] = best.xy
     _relax(lanes, xy, best, progress, low)
+    if lanes.slides:
+        lanes.caps.hold(best.xy, HOLDABLE)
+        xy[:] = best.xy
+        _ease(lanes, xy, best, progress)
 
 
 def _push(
@@ -256,6 +264,22 @@ def _relax(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress, low: fl
         else:
             xy[:] = best.xy
             weight, patience = RELAX_LESS * weight, patience - 1
+
+
+def _ease(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> None:
+    """Push all high and low angles back a little, where that is worth what it costs the mean."""
+    from qsmooth.kernels.newton_sweep import Wall
+
+    (squarings, threshold), weight, patience = EASE_WALL, EASE_WEIGHT, EASE_PATIENCE
+    floor, low = best.figures.shape * (1.0 - EVEN_LOSS), KEPT * best.figures.low_angle
+    for _ in range(EASE_ROUNDS):
+        if progress.spent() or not patience:
+            break
+        lanes.weigh_good(xy, 1)
+        lanes.newton(xy, Wall(weight, threshold, squarings), progress)
+        if not best.offer_eased(xy, floor, low):
+            xy[:] = best.xy
+            weight, patience = EASE_MORE * weight, patience - 1
 
 
 def _total(energy: FloatArray) -> float:

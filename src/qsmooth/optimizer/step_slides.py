@@ -42,7 +42,7 @@ def layout_of(method: Method, mesh: Mesh) -> Layout:
     if "slide" not in (method.boundary, method.interfaces):
         return Layout(method.freedom(mesh), np.zeros(0, np.bool_))
     everywhere = replace(method, corner_angle=HALF_TURN, curve=None)
-    on_curve = None if method.curve is None else _on_curve(method.freedom(mesh).chains, mesh.xy)
+    on_curve = None if method.curve is None else _on_curve(method.freedom(mesh).chains)
     if on_curve is None:
         freedom = everywhere.freedom(mesh)
         return Layout(freedom, _own(freedom.chains, True))
@@ -60,14 +60,11 @@ def _own(chains: Chains | None, own: bool) -> BoolArray:
     return np.full(0 if chains is None else chains.on_boundary.size, own)
 
 
-def _on_curve(chains: Chains | None, xy: FloatArray) -> Chains | None:
+def _on_curve(chains: Chains | None) -> Chains | None:
     """Give those of the chains that are not their own lines; None where all are."""
     if chains is None:
         return None
-    lines = [chains.nodes[a : b + 2] for a, b in chains.segments[chains.ends].tolist()]
-    own = [xy[chains.vertices[a : b + 1]] for a, b in chains.ends.tolist()]
-    pairs = zip(lines, own, strict=True)
-    chosen = np.array([not np.array_equal(line, places) for line, places in pairs])
+    chosen = chains.follows
     if not chosen.any():
         return None
     entries = np.repeat(chosen, np.diff(chains.offsets))
@@ -79,6 +76,7 @@ def _on_curve(chains: Chains | None, xy: FloatArray) -> Chains | None:
         segments=chains.segments[entries],
         fractions=chains.fractions[entries],
         off=chains.off[entries],
+        follows=chains.follows[chosen],
     )
 
 
@@ -92,7 +90,8 @@ def _joined(one: Chains, other: Chains) -> Chains:
         segments=np.r_[one.segments, len(one.nodes) + other.segments],
         fractions=np.r_[one.fractions, other.fractions],
         off=np.r_[one.off, other.off],
-        on_curve=True,
+        follows=np.r_[one.follows, other.follows],
+        project=other.project,
     )
 
 
@@ -130,13 +129,13 @@ class StepSlider(Slider):
     @cached_property
     def _end_vertices(self) -> IndexArray:
         """First and last vertex of each chain on a curve, (k, 2)."""
-        found: IndexArray = self._outline.vertices[self._chains.ends[self._curved]]
+        found: IndexArray = self._outline.vertices[self.chains.ends[self._curved]]
         return found
 
     @cached_property
     def _chain_of(self) -> IndexArray:
         """Chain of each vertex that slides, in the order of the blocks."""
-        offsets = self._chains.offsets
+        offsets = self.chains.offsets
         return np.searchsorted(offsets, self._outline.entries, side="right") - 1
 
     def start(self, xy: FloatArray, changed: BoolArray) -> None:
@@ -150,11 +149,11 @@ class StepSlider(Slider):
         if self._curved.size:
             self._follow_ends(xy)
         start_outline(
-            xy, changed, self._outline, self._chains.offsets, self._own, self._chain_of,
+            xy, changed, self._outline, self.chains.offsets, self._own, self._chain_of,
             self._method.corner_angle, self._fresh,
         )  # fmt: skip
         if self._curved.size:
-            locate(xy, self._outline, self._chains.ends[self._curved[self._fresh[self._curved]]])
+            locate(xy, self._outline, self.chains.ends[self._curved[self._fresh[self._curved]]])
         fit_boxes(xy, self._sides)
 
     def forget(self) -> None:
@@ -165,7 +164,7 @@ class StepSlider(Slider):
         """Find out where the vertices are on the same lines, as untangling has moved them."""
         from qsmooth.kernels.outline import fit_boxes, locate
 
-        locate(xy, self._outline, self._chains.ends)
+        locate(xy, self._outline, self.chains.ends)
         fit_boxes(xy, self._sides)
 
     def state(self) -> tuple[Any, ...]:
@@ -182,26 +181,27 @@ class StepSlider(Slider):
             nodes=nodes, segments=segments, fractions=fractions, off=off, free=free
         )
 
-    def chains(self) -> Chains:
+    def chains_now(self) -> Chains:
         """Give what may slide now, of the caller's vertices: chains from corner to corner."""
-        outline, offsets = self._outline, self._chains.offsets
+        outline, offsets = self._outline, self.chains.offsets
         stays = np.ones(outline.vertices.size, np.bool_)
         stays[outline.entries[outline.free]] = False
-        pieces, on_boundary = [], []
-        for chain, on in enumerate(self._chains.on_boundary.tolist()):
+        pieces, of = [], []
+        for chain in range(self._own.size):
             ends = offsets[chain] + np.flatnonzero(stays[offsets[chain] : offsets[chain + 1]])
             longer = np.flatnonzero(np.diff(ends) > 1)
             pieces += [np.arange(ends[k], ends[k + 1] + 1) for k in longer]
-            on_boundary += [on] * longer.size
+            of += [chain] * longer.size
         entries = np.concatenate([np.empty(0, np.int64), *pieces])
         return Chains(
-            vertices=self._chains.vertices[entries],
+            vertices=self.chains.vertices[entries],
             offsets=np.cumsum([0, *(piece.size for piece in pieces)]),
-            on_boundary=np.array(on_boundary, np.bool_),
+            on_boundary=self.chains.on_boundary[np.array(of, np.int64)],
             nodes=outline.nodes.copy(),
             segments=outline.segments[entries],
             fractions=outline.fractions[entries],
             off=outline.off[entries],
+            follows=~self._own[np.array(of, np.int64)],
         )
 
     def _follow_ends(self, xy: FloatArray) -> None:
@@ -211,16 +211,15 @@ class StepSlider(Slider):
             return
         self._end_places = now
         outline, lines = self._outline, []
-        for chain, (first, last) in enumerate(self._chains.ends.tolist()):
+        for chain, (first, last) in enumerate(self.chains.ends.tolist()):
             segments = outline.segments[first : last + 1]
             nodes = outline.nodes[segments[0] : segments[-1] + 2]
             start = segments[0]
             if chain in self._curved:
                 places = xy[outline.vertices[first : last + 1]]
-                nodes, segments, outline.fractions[first : last + 1], _ = line_of(
-                    places, self._method.curve
-                )
-                start, self._own[chain] = 0, np.array_equal(nodes, places)
+                line, which = line_of(places, self._method.curve)
+                nodes, segments, outline.fractions[first : last + 1], _ = line
+                start, self._own[chain] = 0, which < 0
             lines.append((nodes, segments - start))
         starts = np.cumsum([0, *(len(nodes) for nodes, _ in lines)])
         outline.segments[:] = np.concatenate(

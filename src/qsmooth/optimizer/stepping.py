@@ -83,7 +83,7 @@ class Stepper:
         swept = self.inside if cut is mesh else Inside(cut, self.inside)
         self._slider: StepSlider | None = None
         self._freedom, judged = freedom, None
-        if freedom.chains is not None:
+        if freedom.chains is not None and freedom.chains.inner.size:
             self._slider = StepSlider(cut, swept, layout, method, self._rails)
             others = self._slider.others(freedom)
             self._freedom = replace(freedom, movable=others, chains=None)
@@ -271,7 +271,7 @@ class Stepper:
             # As they are rounded in space, vertices are beside the lines that they came along.
             slider.forget()
             slider.start(self.resting.xy, self.resting.changed)
-        chains = slider.chains()
+        chains = slider.chains_now()
         if not chains.inner.size:
             return freedom
         sliding = chains.sliding(topology.n_vertices)[topology.vertex_ids]

@@ -54,7 +54,7 @@ def untangle(ground: Ground, xy: FloatArray, progress: Progress) -> None:
     start = xy.copy()
     _untangle(ground, xy, progress)
     # Each tangle is left with its own best coordinates: two that lie side by side may not fit.
-    if slider.meets(xy) and not slider.meets(start):
+    if slider.meeting(xy).any() and not slider.meeting(start).any():
         xy[:] = start
 
 
