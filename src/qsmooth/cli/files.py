@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from qsmooth._json import finite
+from qsmooth._words import plural
 from qsmooth.cli.options import FILES, REPORT
-from qsmooth.cli.terminal import status, write
+from qsmooth.cli.terminal import say, status, write
 from qsmooth.errors import MeshError
 
 if TYPE_CHECKING:
@@ -81,6 +82,27 @@ OutputFormatOption = Annotated[
         rich_help_panel=FILES,
     ),
 ]
+MergeOption = Annotated[
+    bool,
+    typer.Option(
+        "--merge",
+        help="Weld seams, where edges of the boundary lie on one another: their vertices become "
+        "one, and those after them have other numbers.",
+        rich_help_panel=FILES,
+    ),
+]
+MergeToleranceOption = Annotated[
+    float | None,
+    typer.Option(
+        "--merge-tolerance",
+        metavar="SHARE",
+        help="How far apart they may be to be welded, as a share of the shortest edge there, in "
+        "\\[0, 0.25]; 0: at the same place to the bit. Implies --merge.  "
+        "[dim]\\[default: 1e-9][/dim]",
+        rich_help_panel=FILES,
+        show_default=False,
+    ),
+]
 JsonOption = Annotated[
     Path | None,
     typer.Option(
@@ -95,12 +117,37 @@ DebugOption = Annotated[
 ]
 
 
-def read(path: Path, surface: Surface, format: str | None) -> Mesh:
-    """Read a mesh."""
+def merge_within(merge: bool, tolerance: float | None) -> float | None:
+    """Say within which share of edges seams are welded; None where they are not to be."""
+    from qsmooth.merging import MOST, TOLERANCE
+
+    if tolerance is None:
+        return TOLERANCE if merge else None
+    if not 0.0 <= tolerance <= MOST:
+        raise ValueError(f"--merge-tolerance must be in [0, {MOST:g}], got {tolerance:g}")
+    return tolerance
+
+
+def read(path: Path, surface: Surface, format: str | None, within: float | None = None) -> Mesh:
+    """Read a mesh; weld its seams, `within` a share of their edges, or point them out."""
     from qsmooth.io import read_mesh
+    from qsmooth.merging import TOLERANCE, find_seams, merge
 
     with status(f"reading {path}"):
-        return read_mesh(path, surface=surface.value, format=format)
+        mesh = read_mesh(path, surface=surface.value, format=format)
+        seams = find_seams(mesh, TOLERANCE if within is None else within)
+        if within is None:
+            if seams.n_edges:
+                say(f"warning: '{path}': {seams}, and stay apart; --merge welds them")
+            return mesh
+        merged = merge(mesh, within)
+    say(
+        f"'{path}': {seams}, {plural(mesh.n_vertices - merged.n_vertices, 'vertex', 'vertices')} "
+        "merged"
+        if seams.n_edges
+        else f"'{path}': nothing to merge"
+    )
+    return merged
 
 
 def require_format(

@@ -61,6 +61,8 @@ def quality(
             rich_help_panel=GATE,
         ),
     ] = False,
+    merge: files.MergeOption = False,
+    merge_tolerance: files.MergeToleranceOption = None,
     surface: files.SurfaceOption = files.Surface.auto,
     format: files.FormatOption = None,
     json_file: files.JsonOption = None,
@@ -78,7 +80,8 @@ def quality(
     gates = [(*parse_gate(text, "--fail-below"), True) for text in fail_below or ()]
     gates += [(*parse_gate(text, "--fail-above"), False) for text in fail_above or ()]
     files.refuse_clash(json_file, mesh_file)
-    mesh = files.read(mesh_file, surface, format)
+    within = files.merge_within(merge, merge_tolerance)
+    mesh = files.read(mesh_file, surface, format, within)
     measured = measure(mesh)
     summary, bounds = measured.summary(shown), limits(mesh)
     checks = _checks(measured, gates, fail_invalid)
