@@ -176,15 +176,15 @@ def refuse_unsafe(mesh_file: Path, output: Path, overwrite: bool, json_file: Pat
     refuse_clash(json_file, mesh_file, output)
 
 
-def refuse_clash(json_file: Path | None, *others: Path) -> None:
-    """Refuse a JSON file that would replace a mesh, or cannot be written."""
-    if json_file is None or json_file == Path("-"):
+def refuse_clash(report: Path | None, *others: Path, option: str = "--json") -> None:
+    """Refuse a report that would replace a mesh, or another report, or cannot be written."""
+    if report is None or (report == Path("-") and option == "--json"):
         return
     for other in others:
-        if _same_file(json_file, other):
-            raise ValueError(f"--json would write over the mesh file '{other}'")
-    if json_file.is_dir() or not json_file.parent.is_dir():
-        raise ValueError(f"cannot write '{json_file}': it is a folder, or its folder is not there")
+        if _same_file(report, other):
+            raise ValueError(f"{option} would write over the file '{other}'")
+    if report.is_dir() or not report.parent.is_dir():
+        raise ValueError(f"cannot write '{report}': it is a folder, or its folder is not there")
 
 
 def _same_file(one: Path, other: Path) -> bool:

@@ -10,12 +10,13 @@ import numpy as np
 from qsmooth._types import FloatArray, IndexArray
 from qsmooth.errors import MeshError
 from qsmooth.io.file_content import FACES, N_VERTICES, FileContent
+from qsmooth.io.gmsh_data import NodeData, data_at_points, lines_of_data, read_node_data
 from qsmooth.io.in_place import Slots, joined
 from qsmooth.io.text import Cursor, blocks_by_id, finish, rows_of
 
 NAME = "gmsh"
 ENDINGS = (".msh",)
-HOLDS = frozenset(("z", "vertex", "line", "regions", "names"))
+HOLDS = frozenset(("z", "vertex", "line", "regions", "names", "point_data"))
 
 # Element type -> (name, vertices), from Gmsh's manual; what is not first order in two dimensions
 # is here only so that it can be refused by name.
@@ -76,6 +77,7 @@ class _Reader:
         self.parts: list[tuple[int, IndexArray, IndexArray, IndexArray]] = []
         self.names: dict[str, tuple[int, int]] = {}
         self.physical: dict[tuple[int, int], int] = {}  # (dimension, entity) -> physical tag
+        self.data_parts: list[NodeData] = []
         self.others: list[str] = []
 
     def content(self) -> FileContent:
@@ -95,6 +97,9 @@ class _Reader:
                 cursor.pos = cursor.line_start
                 cursor.fail(f"a section must begin with $, found {line[:40]!r}")
             end = b"$End" + line[1:] if line not in (b"$NOD", b"$ELM") else b"$END" + line[1:]
+            if line == b"$NodeData" and (data := read_node_data(cursor)) is not None:
+                self.data_parts.append(data)
+                continue
             if line not in sections:
                 self.others.append(line.decode("latin-1"))
                 last = re.compile(b"^[ \t]*" + re.escape(end), re.M).search(self.data, cursor.pos)
@@ -307,15 +312,19 @@ class _Reader:
         )
         if not any(pair.any() for pair in pairs):
             cell_data = {}
+        point_data, data_slots, left_out = data_at_points(self.data_parts, ids)
+        others = self.others + left_out * ["$NodeData"]
         return FileContent(
             np.concatenate(self.points),
             blocks,
             [pair[:, 0 if physical else 1] for pair in pairs] if cell_data else None,
             self.names,
+            point_data=point_data,
             cell_data=cell_data,
             field_data={name: np.array(pair) for name, pair in self.names.items()},
-            extras=tuple(f"section {name}" for name in self.others),
+            extras=tuple(f"section {name}" for name in others),
             slots=joined(self.slots),
+            data_slots=data_slots,
             places=[place for _, _, _, place in self.parts],
         )
 
@@ -344,7 +353,7 @@ def write(content: FileContent) -> bytes:
         ids = np.arange(first, first + n)
         lines += rows_of(ids, head, physical, geometrical, cells + 1)
         first += n
-    return finish([*lines, "$EndElements"])
+    return finish([*lines, "$EndElements", *lines_of_data(content)])
 
 
 def _integer(cursor: Cursor, what: str) -> int:
