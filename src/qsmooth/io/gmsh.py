@@ -50,6 +50,7 @@ TYPES = {
 }
 CODES = {"vertex": 15, "line": 1, "triangle": 2, "quad": 3}
 DIMENSIONS = {"vertex": 0, "line": 1, "triangle": 2, "quad": 2}
+INDENTED = 80  # bytes that are looked at before the end of a section, whether it starts a line
 TAGS = ("gmsh:physical", "gmsh:geometrical")
 
 
@@ -102,10 +103,10 @@ class _Reader:
                 continue
             if line not in sections:
                 self.others.append(line.decode("latin-1"))
-                last = re.compile(b"^[ \t]*" + re.escape(end), re.M).search(self.data, cursor.pos)
-                if last is None:
+                stop = _stop(self.data, end, cursor.pos)
+                if stop < 0:
                     cursor.fail(f"{line.decode('latin-1')} has no {end.decode('latin-1')}")
-                cursor.pos = last.end()
+                cursor.pos = stop
                 continue
             if line in seen:
                 cursor.fail(f"a second section {line.decode()}")
@@ -188,8 +189,7 @@ class _Reader:
         else:
             n_blocks, n_nodes = cursor.numbers(4, "i8").tolist()[:2]
         for _ in range(n_blocks):
-            first, second, parametric = cursor.numbers(3, "i4").tolist()
-            n = int(cursor.numbers(1, "i8")[0])
+            first, second, parametric, n = _head_of_block(cursor)
             if n < 0 or n > len(self.data):
                 cursor.fail(f"{n} nodes in a block")
             if n == 0 and self.ids:
@@ -279,8 +279,7 @@ class _Reader:
             n_blocks, n_elements = cursor.numbers(4, "i8").tolist()[:2]
         found = 0
         for _ in range(n_blocks):
-            first, second, code = cursor.numbers(3, "i4").tolist()
-            n = int(cursor.numbers(1, "i8")[0])
+            first, second, code, n = _head_of_block(cursor)
             dimension, entity = (second, first) if self.version == 4.0 else (first, second)
             _, n_corners = self.type_of(code)
             place, token = cursor.pos, -1 if cursor.order else cursor.token
@@ -354,6 +353,24 @@ def write(content: FileContent) -> bytes:
         lines += rows_of(ids, head, physical, geometrical, cells + 1)
         first += n
     return finish([*lines, "$EndElements", *lines_of_data(content)])
+
+
+def _stop(data: bytes, end: bytes, begin: int) -> int:
+    """Where the first line that starts with `end` goes on after it; -1 where there is none."""
+    at = data.find(end, begin)
+    while at >= 0:
+        before = data[max(begin, at - INDENTED) : at]
+        if not before.rpartition(b"\n")[2].strip():
+            return at + len(end)
+        at = data.find(end, at + 1)
+    return -1
+
+
+def _head_of_block(cursor: Cursor) -> list[int]:
+    """Three ints and a count, which as text are numbers alike."""
+    if not cursor.order:
+        return list(map(int, cursor.numbers(4, "i8")))
+    return [*cursor.numbers(3, "i4").tolist(), int(cursor.numbers(1, "i8")[0])]
 
 
 def _integer(cursor: Cursor, what: str) -> int:
