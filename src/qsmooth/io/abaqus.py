@@ -10,6 +10,7 @@ import numpy as np
 
 from qsmooth._types import IndexArray
 from qsmooth.errors import MeshError
+from qsmooth.io.abaqus_keywords import keyword_lines
 from qsmooth.io.file_content import FACES, Block, FileContent
 from qsmooth.io.text import Text, blanked, blocks_by_id, finish, integers, line_of, rows_of
 
@@ -71,12 +72,14 @@ class _Reader:
     def content(self) -> FileContent:
         parts: set[str] = set()
         in_assembly = False
-        sections = _sections(self.clean)
-        if not sections:
+        keywords, begins, bodies = keyword_lines(self.clean)
+        if not keywords:
             raise MeshError("no keyword of Abaqus found")
-        tokens = np.searchsorted(self.text.starts, [section[3:] for section in sections])
-        for section, (first, last) in zip(sections, tokens.tolist(), strict=True):
-            key, options, begin, body, end = section
+        ends = [*begins[1:], len(self.clean)]
+        firsts, lasts = (np.searchsorted(self.text.starts, at).tolist() for at in (bodies, ends))
+        for (key, options), begin, body, end, first, last in zip(
+            keywords, begins, bodies, ends, firsts, lasts, strict=True
+        ):
             if key == "PART":
                 parts.add(options.get("NAME", ""))
             elif key in ("ASSEMBLY", "INSTANCE", "END INSTANCE", "END ASSEMBLY"):
@@ -230,7 +233,7 @@ class _Reader:
         if tags is None and unique:
             tags, names = _partition(blocks, cell_rows)
         cell_sets = {}
-        others = sorted({f"*{key}" for key in self.others})
+        others = sorted(f"*{key}" for key in set(self.others))
         if len(cell_rows) * len(blocks) > MOST_PARTS:
             others.append(f"{len(cell_rows)} sets of elements")
         elif unique:  # ids say nothing else
@@ -340,41 +343,6 @@ def _kind(name: str) -> tuple[str, int]:
     if POINT.match(name):
         return "vertex", 1
     return name, 0
-
-
-def _sections(clean: bytes) -> list[tuple[str, dict[str, str], int, int, int]]:
-    """Keyword, options, first byte, and begin and end of the data, of each keyword."""
-    heads = []
-    for match in re.finditer(rb"(?m)^[ \t]*\*[^\r\n]*", clean):
-        begin, end = match.span()
-        goes_on = clean[begin:end].rstrip().endswith(b",")
-        while goes_on and end < len(clean):  # in the next line that is not empty
-            following = clean.find(b"\n", end + 2)
-            following = len(clean) if following < 0 else following
-            line = clean[end:following].strip()
-            if line.startswith(b"*"):
-                break
-            goes_on, end = not line or line.endswith(b","), following
-        heads.append((begin, end))
-    known: dict[bytes, tuple[str, dict[str, str]]] = {}
-    stops = [begin for begin, _ in heads[1:]] + [len(clean)]
-    sections = []
-    for (begin, end), stop in zip(heads, stops, strict=True):
-        head = clean[begin:end]
-        if head not in known:
-            known[head] = _keyword(head)
-        sections.append((*known[head], begin, end, stop))
-    return sections
-
-
-def _keyword(head: bytes) -> tuple[str, dict[str, str]]:
-    """Keyword and options of its line, or lines."""
-    first, *words = head.decode("latin-1").strip().lstrip("*").split(",")
-    options = {}
-    for word in words:
-        option, _, value = word.partition("=")
-        options[option.strip().upper()] = value.strip().strip('"')
-    return " ".join(first.upper().split()), options
 
 
 def write(content: FileContent) -> bytes:
