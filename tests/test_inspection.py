@@ -63,7 +63,7 @@ def test_coincident_vertices_and_parts():
     points = [(0, 0), (1, 0), (1, 1), (0, 1), (1, 0), (2, 0), (2, 1), (1, 1)]
     facts = inspect((points, [[0, 1, 2, 3], [4, 5, 6, 7]]))
     assert finding(facts, "coincident vertices").items == ((1, 4), (2, 7))
-    assert odd(facts) == {"coincident vertices": 2, "disconnected parts": 1}
+    assert odd(facts) == {"coincident vertices": 2, "unmerged edges": 1, "disconnected parts": 1}
     assert finding(facts, "disconnected parts").items == (1,)
     assert facts.n_parts == 2
 

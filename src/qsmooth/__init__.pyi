@@ -7,6 +7,7 @@ from .errors import MeshError as MeshError
 from .errors import MeshWarning as MeshWarning
 from .io import read_mesh as read_mesh
 from .io import write_mesh as write_mesh
+from .merging import merge as merge
 from .mesh import Mesh as Mesh
 from .methods.angle import Angle as Angle
 from .methods.aspect_ratio import AspectRatio as AspectRatio

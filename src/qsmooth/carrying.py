@@ -39,16 +39,21 @@ def parse_names(given: str | Iterable[str]) -> tuple[str, ...]:
     return tuple(name for name in found if name)
 
 
-def require_data(mesh: Mesh, names: Iterable[str]) -> None:
-    """Refuse names of point data that the mesh has not, or that can't be interpolated.
+def require_data(mesh: Mesh, names: Iterable[str]) -> tuple[str, ...]:
+    """Give names of point data, those that are several with commas between taken apart.
+
+    What the mesh calls so is one name, commas or not. Refused are names that the mesh has not, and
+    those of data that can't be interpolated.
 
     Raises
     ------
     OptionError
         Naming the first that it is.
     """
-    for name in names:
-        data = _point_data(mesh)
+    data = _point_data(mesh)
+    apart = [(name,) if name in data else parse_names(name) for name in names]
+    found = tuple(dict.fromkeys(name for some in apart for name in some))
+    for name in found:
         if name not in data:
             known = f"; there is {', '.join(data)}" if data else ", it has none"
             raise OptionError(
@@ -60,6 +65,7 @@ def require_data(mesh: Mesh, names: Iterable[str]) -> None:
             raise OptionError(
                 f"`interpolate` takes point data of floats, {name!r} is {values.dtype}"
             )
+    return found
 
 
 def carried(

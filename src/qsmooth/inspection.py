@@ -10,6 +10,7 @@ import numpy as np
 from qsmooth._types import IndexArray
 from qsmooth._words import plural
 from qsmooth.adapters import to_mesh
+from qsmooth.merging import find_seams
 from qsmooth.mesh import Mesh
 from qsmooth.metrics import Validity, quality
 from qsmooth.metrics.impossible import impossible
@@ -144,6 +145,7 @@ def inspect(mesh: Any) -> Inspection:
     findings = (
         _list("orphan vertices", "in no cell", np.flatnonzero(~topology.used), "vertex"),
         _coincident(mesh),
+        _unmerged(mesh),
         _zero_edges(mesh),
         _hanging(mesh, twins),
         _list(
@@ -218,6 +220,19 @@ def _coincident(mesh: Mesh) -> Finding:
         "at exactly the same place as another",
         sum(len(group) - 1 for group in groups),
         tuple(groups),
+        "vertices",
+    )
+
+
+def _unmerged(mesh: Mesh) -> Finding:
+    """Seams: pairs of edges, each the ids of its four vertices."""
+    seams = find_seams(mesh)
+    found = sorted(tuple(pair.ravel().tolist()) for pair in seams.edges)
+    return Finding(
+        "unmerged edges",
+        "on the boundary, at the same place as another's",
+        seams.n_edges,
+        tuple(found),
         "vertices",
     )
 

@@ -105,6 +105,8 @@ class Spec:
         The default in words, where the value does not say it.
     parse
         Makes a value of the text that a command line gives, where its kind does not say how.
+    repeats
+        Whether a command line may give it several times; `parse` then takes a list of texts.
     """
 
     name: str
@@ -118,7 +120,8 @@ class Spec:
     flag: str | None = ""
     metavar: str = ""
     default_words: str = ""
-    parse: Callable[[str], Any] | None = None
+    parse: Callable[[Any], Any] | None = None
+    repeats: bool = False
 
     @property
     def range_words(self) -> str:
@@ -168,7 +171,8 @@ def option(
     flag: str | None = "",
     metavar: str = "",
     default_words: str = "",
-    parse: Callable[[str], Any] | None = None,
+    parse: Callable[[Any], Any] | None = None,
+    repeats: bool = False,
 ) -> Any:
     """Declare a field of an `Options` class; see `Spec` for the arguments.
 
@@ -182,6 +186,7 @@ def option(
         "metavar": metavar,
         "default_words": default_words,
         "parse": parse,
+        "repeats": repeats,
     }
     return dataclasses.field(default=default, metadata={_METADATA: metadata})
 

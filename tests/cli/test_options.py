@@ -43,7 +43,7 @@ def other_value(spec):
     if spec.name == "hold":
         return ("aspect_ratio", "shape"), [flag, "shape,aspect_ratio"]
     if spec.name == "interpolate":
-        return ("bed", "wind"), [flag, "bed, wind"]
+        return ("bed", "wind"), [flag, "bed", flag, "wind"]
     if spec.name == "target":
         return "initial", [flag, "initial"]
     if spec.name == "directions":

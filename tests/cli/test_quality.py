@@ -151,3 +151,64 @@ def test_unknown_metrics(fails, mesh_file, option):
 def test_help_names_the_metrics(call):
     words = set(re.findall(r"\w+", call("quality", "--help")[1]))
     assert words.issuperset(METRICS)
+
+
+def test_failed_checks_as_annotations_of_github(call, mesh_file):
+    gates = "--fail-below", "min_angle=40", "--fail-above", "aspect_ratio=1e9"
+    code, out, err = call("quality", mesh_file, *gates, "--github")
+    assert (code, err) == (1, "")
+    (line,) = [row for row in out.splitlines() if row.startswith("::")]
+    failed = next(row for row in out.splitlines() if row.startswith("FAILED: "))
+    title = f"::error file={mesh_file},title=qsmooth%3A min_angle not below 40::"
+    assert line == title + failed.removeprefix("FAILED: ")
+    code, out, err = call("quality", mesh_file, *gates, "--github", "--json", "-")
+    assert code == 1
+    assert not json.loads(out)["passed"]
+    assert title in err
+    code, out, _ = call("quality", mesh_file, "--fail-invalid", "--github")
+    assert "::error" not in out
+    assert code == 0
+
+
+def test_what_would_end_an_annotation_is_escaped():
+    from pathlib import Path
+
+    from qsmooth.cli.checks import workflow_commands
+    from qsmooth.metrics import Check
+
+    check = Check(
+        metric="validity", rule="invalid", threshold=None, n_failed=1, worst_cell=0,
+        worst_value=None, text="100% of it,\nall: bad",
+    )  # fmt: skip
+    (line,) = workflow_commands(Path("a,b:c%.off"), [check])
+    assert line == (
+        "::error file=a%2Cb%3Ac%25.off,title=qsmooth%3A no cell invalid::100%25 of it,%0Aall: bad"
+    )
+
+
+def test_checks_as_junit(call, fails, mesh_file, tmp_path):
+    from xml.etree import ElementTree
+
+    report = tmp_path / "report.xml"
+    gates = "--fail-below", "min_angle=40", "--fail-above", "aspect_ratio=1e9", "--fail-invalid"
+    code, out, _ = call("quality", mesh_file, *gates, "--junit", report)
+    assert code == 1
+    suites = ElementTree.parse(report).getroot()
+    assert (suites.tag, suites.get("tests"), suites.get("failures")) == ("testsuites", "3", "1")
+    cases = {case.get("name"): case for case in suites.iter("testcase")}
+    assert list(cases) == [
+        "min_angle not below 40",
+        "aspect_ratio not above 1e+09",
+        "no cell invalid",
+    ]
+    failures = {name: case.find("failure") for name, case in cases.items()}
+    assert [name for name, failure in failures.items() if failure is not None] == [*cases][:1]
+    message = failures["min_angle not below 40"].get("message")
+    assert f"FAILED: {message}" in out
+    assert all(case.get("classname") == str(mesh_file) for case in cases.values())
+    assert call("quality", mesh_file, "--junit", report)[0] == 0
+    assert ElementTree.parse(report).getroot().get("tests") == "0"
+    message = fails("quality", mesh_file, "--junit", mesh_file)
+    assert message == f"--junit would write over the file '{mesh_file}'"
+    assert "--junit would write" in fails("quality", mesh_file, "--junit", "a", "--json", "a")
+    assert "its folder is not there" in fails("quality", mesh_file, "--junit", tmp_path / "a" / "b")

@@ -323,6 +323,25 @@ def test_z_as_a_value(call, fails, tmp_path):
     assert np.array_equal(kept.xy, new.xy)
 
 
+@pytest.mark.parametrize("given", [["bed, east"], ["bed", "east"], ["u, v"], ["u, v", "bed,east"]])
+def test_names_of_point_data_are_told_apart(call, tmp_path, given):
+    mesh = spiral(300)
+    x, y = mesh.points.T
+    path, out_file = tmp_path / "in.vtu", tmp_path / "out.vtu"
+    data = {"bed": x + y, "east": x, "u, v": mesh.points + 1.0}
+    meshio.Mesh(mesh.points, [("quad", mesh.cells[0])], point_data=data).write(path)
+    words = [word for name in given for word in ("--interpolate", name)]
+    assert call("smooth", path, "-o", out_file, "--method", "star", "--sweeps", 3, *words)[0] == 0
+    new = meshio.read(out_file)
+    x, y = new.points[:, :2].T
+    expected = {"bed": x + y, "east": x, "u, v": new.points[:, :2] + 1.0}
+    for name in data:
+        named = any(name in each for each in given)
+        same = np.allclose(new.point_data[name], expected[name], atol=1e-12)
+        assert same == named
+        assert np.array_equal(new.point_data[name], data[name]) != named
+
+
 def test_point_data_is_interpolated_where_it_is_named(call, fails, tmp_path):
     mesh = spiral(300)
     data = {"bed": mesh.points @ [2.0, 3.0], "wind": np.cos(mesh.points), "id": np.arange(9)}
@@ -358,7 +377,8 @@ def test_smooth_shows_the_limits_on_lines_of_their_own(call, mesh_file, tmp_path
 @pytest.mark.parametrize("command", ["smooth", "untangle"])
 def test_unknown_endings_are_refused_before_the_work(fails, call, mesh_file, tmp_path, command):
     message = fails(command, mesh_file, "-o", tmp_path / "out.ofg")
-    assert "unknown ending '.ofg', known are abaqus, gmsh" in message
+    assert "unknown ending '.ofg', known are .avs, " in message
+    assert message.endswith("; did you mean '.off'?")
     assert not (tmp_path / "out.ofg").exists()
     assert "unknown format 'oof'" in fails(
         command, mesh_file, "-o", tmp_path / "out", "--output-format", "oof"

@@ -21,7 +21,7 @@ from format_samples import (
     content_of,
 )
 from qsmooth.errors import MeshError, MeshWarning
-from qsmooth.io import format_of, formats, own_formats, read_mesh, write_mesh
+from qsmooth.io import format_of, format_records, formats, own_formats, read_mesh, write_mesh
 from qsmooth.io.registry import named
 from qsmooth.mesh import Mesh
 
@@ -183,8 +183,16 @@ def test_other_formats_come_through_meshio(tmp_path, name, ending):
 
 
 def test_unknown_format(put):
-    with pytest.raises(MeshError, match=r"ending '\.xyz'.*off"):
+    with pytest.raises(MeshError, match=r"unknown ending '\.xyz', known are \.avs, .*\.off, .*"):
         read_mesh(put("a.xyz", "garbage"))
+    with pytest.raises(
+        MeshError, match=r"known are .*; did you mean '\.off'\?, and it begins like"
+    ):
+        read_mesh(put("a.oof", "garbage"))
+    with pytest.raises(MeshError, match=r"its name has no ending, known are \.avs, .*begins like"):
+        read_mesh(put("garbage", "garbage"))
+    with pytest.raises(MeshError, match=r"unknown format 'of', known are abaqus.*mean 'off'\?"):
+        read_mesh(put("a.off", OFF), format="of")
     with pytest.raises(MeshError, match="unknown format 'xyz'"):
         read_mesh(put("a.off", OFF), format="xyz")
     mesh = read_mesh(put("a.off", OFF))
@@ -201,11 +209,11 @@ def test_an_ending_that_says_nothing_is_no_way_to_the_format_of_the_source(put, 
         write_mesh(tmp_path / name, mesh)
         assert (tmp_path / name).read_text() == OBJ
     for name in ("out.xyz", "out.ojb"):
-        with pytest.raises(MeshError, match=r"unknown ending '\.\w+', known are abaqus, gmsh"):
+        with pytest.raises(MeshError, match=r"unknown ending '\.\w+', known are \.avs, "):
             write_mesh(tmp_path / name, mesh)
         assert not (tmp_path / name).exists()
     assert format_of(tmp_path / "out.xyz", mesh, format="off") == "off"
-    with pytest.raises(MeshError, match="unknown ending ''"):
+    with pytest.raises(MeshError, match="its name has no ending, known are"):
         format_of(tmp_path / "out", Mesh(np.array(POINTS, float), [np.array(QUADS)]))
 
 
@@ -260,3 +268,50 @@ def test_meshio_reads_what_is_converted(put, tmp_path, form, capsys):
     for kind, expected in (("quad", QUADS), ("triangle", TRIANGLES)):
         cells = [tuple(row) for block in other.cells if block.type == kind for row in block.data]
         assert cells == expected
+
+
+BEGINNINGS = {
+    "solid x\n facet normal 0 0 1\n": "stl",
+    '(1 "x")\n': "ansys",
+    "$ a comment\nSOL 101\nCEND\n": "nastran",
+    '<?xml version="1.0"?>\n<!DOCTYPE Xdmf SYSTEM "Xdmf.dtd" []>\n<Xdmf Version="3.0">': "xdmf",
+    '<?xml version="1.0"?>\n<dolfin xmlns:dolfin="x">': "dolfin-xml",
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize("ending", ["", ".txt"])
+def test_a_file_whose_ending_says_nothing_is_known_by_its_content(put, name, ending):
+    mesh = read_mesh(put(f"unknown{ending}", content_of(name)))
+    assert mesh.source.format == read_mesh(put(name, content_of(name))).source.format
+
+
+@pytest.mark.parametrize("head", BEGINNINGS)
+def test_meshio_gets_what_begins_like_one_of_its_files(put, head):
+    from qsmooth.io import via_meshio
+
+    assert via_meshio.name_by_content(head.encode(), frozenset()) == BEGINNINGS[head]
+    assert via_meshio.name_by_content(head.encode(), {BEGINNINGS[head]}) is None
+
+
+def test_a_file_of_meshio_without_its_ending(tmp_path):
+    mesh = Mesh(np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], float), [np.array([(0, 1, 2)])])
+    for name, ending in (("stl", ".stl"), ("nastran", ".bdf")):
+        path = tmp_path / f"a{ending}"
+        write_mesh(path, mesh)
+        path.rename(tmp_path / name)
+        assert read_mesh(tmp_path / name).source.format == name
+
+
+def test_records_of_formats_are_made_from_their_modules():
+    records = {record.name: record for record in format_records()}
+    assert {name: record.endings for name, record in records.items()} == formats()
+    for form in own_formats():
+        record = records[form.NAME]
+        assert (record.reads, record.writes, record.through) == (True, True, "qsmooth")
+        assert len(record.keeps) == len(form.HOLDS), "each word of HOLDS is told"
+        assert record.title
+    assert records["vtk"].to_dict()["keeps"][:2] == ["z", "point cells"]
+    nastran = records["nastran"]
+    assert (nastran.keeps, nastran.reads, nastran.through) == (None, True, "meshio")
+    assert not records["tetgen"].writes

@@ -118,6 +118,53 @@ def test_hostile_files_are_refused_within_limits(put, name):
         read_within_limits(path)
 
 
+SQUARE = "*NODE\n1,0,0\n2,1,0\n3,1,1\n4,0,1\n*ELEMENT,TYPE=S4\n1,1,2,3,4\n"
+MSH = (
+    "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n4\n1 0 0 0\n2 1 0 0\n3 1 1 0\n4 0 1 0\n"
+    "$EndNodes\n$Elements\n1\n1 3 0 1 2 3 4\n$EndElements\n"
+)
+ONE = "NDIME= 2\nNPOIN= 4\n0 0\n1 0\n1 1\n0 1\nNELEM= 1\n9 0 1 2 3\n"
+CORNERS = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n"
+
+
+def properties(n: int) -> str:
+    head = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"
+    head += "".join(f"property float {k:x}\n" for k in range(n))
+    head += "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    return (
+        head + "".join(f"{xy} {n * '0 '}\n" for xy in ("0 0", "1 0", "1 1", "0 1")) + "4 0 1 2 3\n"
+    )
+
+
+# As many sections, or columns, as a file of a megabyte has room for.
+SECTIONS = {
+    "keywords.inp": lambda: SQUARE + 349_000 * "*A\n",
+    "continued.inp": lambda: SQUARE + 260_000 * "*A,\n",
+    "goes_on.inp": lambda: f"{SQUARE}*A,\n" + 340_000 * "b,\n",
+    "elsets.inp": lambda: SQUARE + "".join(f"*ELSET,ELSET=A{k}\n1\n" for k in range(48_000)),
+    "nodes.inp": lambda: SQUARE + "".join(f"*NODE\n{k + 5},0,0\n" for k in range(66_000)),
+    "sections.msh": lambda: MSH + "".join(f"$A{k}\n$EndA{k}\n" for k in range(56_000)),
+    "ends.msh": lambda: f"{MSH}$A\n{170_000 * 'x$EndA'}\n$EndA\n",
+    "markers.su2": lambda: ONE + 49_000 * "MARKER_ELEMS=1\n3 0 1\n",
+    "points.obj": lambda: CORNERS + 104_000 * "p 1\nl 1 2\n",
+    "columns.ply": lambda: properties(36_000),
+}
+
+
+@pytest.mark.parametrize("name", SECTIONS)
+def test_any_number_of_sections_is_read_in_time(put, name):
+    read_mesh(put("warm.inp", ABAQUS))
+    content = SECTIONS[name]()
+    assert 800_000 < len(content) <= 1 << 20
+    assert read_within_limits(put(name, content)).n_cells == 1
+
+
+def test_a_keyword_goes_on_over_empty_lines_and_up_to_the_next(put):
+    content = ABAQUS.replace("*Element, type=CPE4R,\n elset", "*Element, type=CPE4R,\n \n elset")
+    content = content.replace("*Heading\n plate, by hand", "*Heading,")
+    assert read_mesh(put("gaps.inp", content)).regions.tolist() == [1, 2, 2]
+
+
 def test_a_card_for_each_element_is_read_in_time(put):
     read_mesh(put("warm.inp", ABAQUS))
     mesh = read_within_limits(put("cards.inp", one_card_an_element()))

@@ -10,6 +10,7 @@ import pytest
 
 from meshes import rough_grid
 from qsmooth import read_mesh, smooth, write_mesh
+from qsmooth.errors import MeshWarning
 from qsmooth.io import holds_point_data
 
 pytestmark = pytest.mark.nojit
@@ -100,7 +101,49 @@ def vtu(how):
     return xml.encode() + end + b"</VTKFile>"
 
 
+def msh(binary, version="2.2"):
+    """Nodes in another order in the data than in the mesh; two times of one name."""
+    out = f"$MeshFormat\n{version} {int(binary)} 8\n".encode()
+    out += struct.pack("<i", 1) + b"\n" if binary else b""
+    out += b"$EndMeshFormat\n$Nodes\n"
+    ids, cells = 10 * np.arange(1, N + 1), 10 * (QUADS + 1)
+    if version == "4.1":
+        out += f"1 {N} 10 {10 * N}\n2 1 0 {N}\n".encode() + rows(ids[:, None]).encode()
+        out += rows(SPACE).encode() + b"$EndNodes\n$Elements\n1 16 1 16\n2 1 3 16\n"
+        out += rows(np.column_stack([np.arange(1, 17), cells])).encode()
+    elif binary:
+        out += f"{N}\n".encode()
+        out += b"".join(struct.pack("<iddd", k, *row) for k, row in zip(ids, SPACE, strict=True))
+        out += b"\n$EndNodes\n$Elements\n16\n" + struct.pack("<iii", 3, 16, 0)
+        out += raw(np.column_stack([np.arange(1, 17), cells]), "<i4") + b"\n"
+    else:
+        out += f"{N}\n".encode()
+        for k, row in zip(ids.tolist(), SPACE.tolist(), strict=True):
+            out += f"{k} {rows(row)}".encode()
+        out += b"$EndNodes\n$Elements\n16\n"
+        heads = np.column_stack([np.arange(1, 17), np.full((16, 2), (3, 0))])
+        out += rows(np.column_stack([heads, cells])).encode()
+    out += b"$EndElements\n$ElementData\nkept\n$EndElementData\n"
+
+    def data(name, table, step=0):
+        turned = np.argsort(np.sin(ids))
+        width = table.shape[1]
+        text = f'$NodeData\n1\n"{name}"\n1\n{step}.5\n3\n{step}\n{width}\n{N}\n'.encode()
+        for k, row in zip(ids[turned].tolist(), table[turned].tolist(), strict=True):
+            if binary:
+                text += struct.pack(f"<i{width}d", k, *row)
+            else:
+                text += f"{k} {' '.join(map(repr, row))}\n".encode()
+        return text + (b"\n" if binary else b"") + b"$EndNodeData\n"
+
+    out += data("bed", BED[:, None]) + data("flow", np.column_stack([FLOW, 0 * BED]))
+    return out + data("same", BED[:, None]) + data("same", BED[:, None], step=1)
+
+
 FILES = {
+    "text.msh": msh(False),
+    "binary.msh": msh(True),
+    "four.msh": msh(False, "4.1"),
     "text.vtk": vtk(False),
     "binary.vtk": vtk(True),
     "text.ply": ply(False),
@@ -124,7 +167,7 @@ def test_named_point_data_is_written_in_place(tmp_path, name):
     expected = 3.0 + back.xy @ [2.0, -1.0]
     assert np.abs(expected - BED).max() > 0.05
     np.testing.assert_allclose(found["bed"], expected, rtol=2e-7)  # declared as float32
-    columns = found["flow"].reshape(N, -1)
+    columns = found["flow"].reshape(N, -1)[:, :2]
     np.testing.assert_allclose(columns[:, 0], expected, rtol=1e-14)
     np.testing.assert_allclose(
         columns, np.column_stack([expected, -expected])[:, : columns.shape[1]]
@@ -165,7 +208,7 @@ def test_another_format_gets_the_new_values(tmp_path):
     path = tmp_path / "in.vtu"
     path.write_bytes(FILES["base64.vtu"])
     result = smooth(read_mesh(path), "laplacian", max_sweeps=1, interpolate="flow")
-    for out in ("out.vtk", "out.ply"):
+    for out in ("out.vtk", "out.ply", "out.msh"):
         write_mesh(tmp_path / out, result.mesh)
         data = read_mesh(tmp_path / out).source.point_data
         flow = data["flow"][:, 0] if "flow" in data else data["flow_0"]
@@ -175,4 +218,43 @@ def test_another_format_gets_the_new_values(tmp_path):
 def test_what_keeps_point_data():
     assert holds_point_data("vtu")
     assert holds_point_data("xdmf")
-    assert not holds_point_data("gmsh")
+    assert holds_point_data("gmsh")
+    assert not holds_point_data("off")
+
+
+def test_times_of_one_name_in_gmsh_are_columns(tmp_path):
+    path, out = tmp_path / "in.msh", tmp_path / "out.msh"
+    path.write_bytes(FILES["text.msh"])
+    mesh = read_mesh(path)
+    assert mesh.source.point_data["same"].shape == (N, 2)
+    assert mesh.source.extras == ("section $ElementData",)
+    result = smooth(mesh, "laplacian", max_sweeps=1, interpolate="same")
+    write_mesh(out, result.mesh)
+    same = read_mesh(out).source.point_data["same"]
+    expected = 3.0 + result.mesh.xy @ [2.0, -1.0]
+    np.testing.assert_allclose(same, np.column_stack([expected, expected]), rtol=1e-14)
+    assert out.read_bytes().count(b"$NodeData") == 4
+    # Written anew: what has too many columns for a tensor becomes times.
+    mesh.source.point_data["many"] = np.arange(11.0) + BED[:, None]
+    mesh.source.data = b""
+    with pytest.warns(MeshWarning, match=r"cannot hold section \$ElementData"):
+        write_mesh(out, mesh)
+    assert np.array_equal(read_mesh(out).source.point_data["many"], np.arange(11.0) + BED[:, None])
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('$NodeData\n1\n"same"', '$NodeData\nx\n"same"'),  # no count
+        (f"\n1\n{N}\n", f"\n2\n{N}\n"),  # two numbers a node
+        (f"\n1\n{N}\n", "\n1\n3\n"),  # not all nodes
+    ],
+)
+def test_node_data_of_another_kind_are_kept_as_they_are(tmp_path, old, new):
+    path, out = tmp_path / "in.msh", tmp_path / "out.msh"
+    path.write_bytes(FILES["text.msh"].replace(old.encode(), new.encode()))
+    mesh = read_mesh(path)
+    assert "same" not in mesh.source.point_data
+    assert "section $NodeData" in mesh.source.extras
+    write_mesh(out, mesh)
+    assert out.read_bytes() == path.read_bytes()

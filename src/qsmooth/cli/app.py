@@ -19,8 +19,10 @@ import typer
 from qsmooth import __version__
 from qsmooth.cli import terminal
 from qsmooth.cli.compare import compare
+from qsmooth.cli.convert import convert
 from qsmooth.cli.demo import demo
 from qsmooth.cli.files import DebugOption
+from qsmooth.cli.formats import formats
 from qsmooth.cli.info import info
 from qsmooth.cli.methods import methods
 from qsmooth.cli.options import Command, with_options
@@ -52,6 +54,8 @@ COMMANDS = (
     Command(quality),
     Command(compare, _listed),
     Command(info),
+    Command(convert),
+    Command(formats),
     Command(methods),
     Command(demo, _listed, only=("max_sweeps",)),
     Command(warmup),

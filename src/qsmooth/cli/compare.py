@@ -30,6 +30,8 @@ def compare(
         ),
     ] = "all",
     options: dict[str, Any] | None = None,
+    merge: files.MergeOption = False,
+    merge_tolerance: files.MergeToleranceOption = None,
     surface: files.SurfaceOption = files.Surface.auto,
     format: files.FormatOption = None,
     json_file: files.JsonOption = None,
@@ -40,9 +42,10 @@ def compare(
     Nothing is written. An option goes to the methods that have it.
     """
     files.refuse_clash(json_file, mesh_file)
+    within = files.merge_within(merge, merge_tolerance)
     options = options or {}
     chosen = with_options(method_names(methods), options)
-    mesh = files.read(mesh_file, surface, format)
+    mesh = files.read(mesh_file, surface, format, within)
     results, skipped = run_all(mesh, chosen)
     facts = {
         "input": str(mesh_file),

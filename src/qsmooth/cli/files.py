@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from qsmooth._json import finite
+from qsmooth._words import plural
 from qsmooth.cli.options import FILES, REPORT
-from qsmooth.cli.terminal import status, write
+from qsmooth.cli.terminal import say, status, write
 from qsmooth.errors import MeshError
 
 if TYPE_CHECKING:
@@ -81,6 +82,27 @@ OutputFormatOption = Annotated[
         rich_help_panel=FILES,
     ),
 ]
+MergeOption = Annotated[
+    bool,
+    typer.Option(
+        "--merge",
+        help="Weld seams, where edges of the boundary lie on one another: their vertices become "
+        "one, and those after them have other numbers.",
+        rich_help_panel=FILES,
+    ),
+]
+MergeToleranceOption = Annotated[
+    float | None,
+    typer.Option(
+        "--merge-tolerance",
+        metavar="SHARE",
+        help="How far apart they may be to be welded, as a share of the shortest edge there, in "
+        "\\[0, 0.25]; 0: at the same place to the bit. Implies --merge.  "
+        "[dim]\\[default: 1e-9][/dim]",
+        rich_help_panel=FILES,
+        show_default=False,
+    ),
+]
 JsonOption = Annotated[
     Path | None,
     typer.Option(
@@ -95,12 +117,37 @@ DebugOption = Annotated[
 ]
 
 
-def read(path: Path, surface: Surface, format: str | None) -> Mesh:
-    """Read a mesh."""
+def merge_within(merge: bool, tolerance: float | None) -> float | None:
+    """Say within which share of edges seams are welded; None where they are not to be."""
+    from qsmooth.merging import MOST, TOLERANCE
+
+    if tolerance is None:
+        return TOLERANCE if merge else None
+    if not 0.0 <= tolerance <= MOST:
+        raise ValueError(f"--merge-tolerance must be in [0, {MOST:g}], got {tolerance:g}")
+    return tolerance
+
+
+def read(path: Path, surface: Surface, format: str | None, within: float | None = None) -> Mesh:
+    """Read a mesh; weld its seams, `within` a share of their edges, or point them out."""
     from qsmooth.io import read_mesh
+    from qsmooth.merging import TOLERANCE, find_seams, merge
 
     with status(f"reading {path}"):
-        return read_mesh(path, surface=surface.value, format=format)
+        mesh = read_mesh(path, surface=surface.value, format=format)
+        seams = find_seams(mesh, TOLERANCE if within is None else within)
+        if within is None:
+            if seams.n_edges:
+                say(f"warning: '{path}': {seams}, and stay apart; --merge welds them")
+            return mesh
+        merged = merge(mesh, within)
+    say(
+        f"'{path}': {seams}, {plural(mesh.n_vertices - merged.n_vertices, 'vertex', 'vertices')} "
+        "merged"
+        if seams.n_edges
+        else f"'{path}': nothing to merge"
+    )
+    return merged
 
 
 def require_format(
@@ -129,15 +176,15 @@ def refuse_unsafe(mesh_file: Path, output: Path, overwrite: bool, json_file: Pat
     refuse_clash(json_file, mesh_file, output)
 
 
-def refuse_clash(json_file: Path | None, *others: Path) -> None:
-    """Refuse a JSON file that would replace a mesh, or cannot be written."""
-    if json_file is None or json_file == Path("-"):
+def refuse_clash(report: Path | None, *others: Path, option: str = "--json") -> None:
+    """Refuse a report that would replace a mesh, or another report, or cannot be written."""
+    if report is None or (report == Path("-") and option == "--json"):
         return
     for other in others:
-        if _same_file(json_file, other):
-            raise ValueError(f"--json would write over the mesh file '{other}'")
-    if json_file.is_dir() or not json_file.parent.is_dir():
-        raise ValueError(f"cannot write '{json_file}': it is a folder, or its folder is not there")
+        if _same_file(report, other):
+            raise ValueError(f"{option} would write over the file '{other}'")
+    if report.is_dir() or not report.parent.is_dir():
+        raise ValueError(f"cannot write '{report}': it is a folder, or its folder is not there")
 
 
 def _same_file(one: Path, other: Path) -> bool:

@@ -15,6 +15,8 @@ def info(
     ids: Annotated[
         int, typer.Option(help="How many ids of each finding to show.", rich_help_panel=REPORT)
     ] = 10,
+    merge: files.MergeOption = False,
+    merge_tolerance: files.MergeToleranceOption = None,
     surface: files.SurfaceOption = files.Surface.auto,
     format: files.FormatOption = None,
     json_file: files.JsonOption = None,
@@ -31,7 +33,8 @@ def info(
     if ids < 0:
         raise ValueError(f"--ids must be 0 or more, got {ids}")
     files.refuse_clash(json_file, mesh_file)
-    facts = inspect(files.read(mesh_file, surface, format))
+    within = files.merge_within(merge, merge_tolerance)
+    facts = inspect(files.read(mesh_file, surface, format, within))
     with files.Outputs() as outputs:
         if not outputs.put_json(json_file, {"input": str(mesh_file), **facts.to_dict(ids)}):
             terminal.write_heading(str(mesh_file))

@@ -142,6 +142,8 @@ class ShellOption:
         """Declare it for Typer."""
         flags, metavar = self.flags, self.usual.metavar or None
         annotation: Any = {"number": float, "integer": int, "flag": bool}.get(self.kind, str)
+        if self.usual.repeats:
+            annotation = list[annotation]
         if self.kind == "choice":
             metavar = (
                 f"[{'|'.join(self.choices)}]"  # others are refused by the method, in its words

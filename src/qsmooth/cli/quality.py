@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -61,12 +62,33 @@ def quality(
             rich_help_panel=GATE,
         ),
     ] = False,
+    github: Annotated[
+        bool,
+        typer.Option(
+            "--github",
+            help="Also print an annotation of GitHub's workflows for each check that fails.",
+            rich_help_panel=GATE,
+        ),
+    ] = False,
+    junit: Annotated[
+        Path | None,
+        typer.Option(
+            "--junit",
+            metavar="FILE",
+            help="Also write the checks as JUnit XML, a test case each.",
+            rich_help_panel=GATE,
+        ),
+    ] = None,
+    merge: files.MergeOption = False,
+    merge_tolerance: files.MergeToleranceOption = None,
     surface: files.SurfaceOption = files.Surface.auto,
     format: files.FormatOption = None,
     json_file: files.JsonOption = None,
     debug: files.DebugOption = False,
 ) -> None:
     """Measure a mesh: extremes, means, histograms, the worst cells, and checks for a pipeline."""
+    from qsmooth.cli import checks as machine
+    from qsmooth.io.files import replace_bytes
     from qsmooth.metrics import find_metric, limits, parse_gate, parse_metrics
     from qsmooth.metrics import quality as measure
     from qsmooth.output import tables
@@ -78,7 +100,10 @@ def quality(
     gates = [(*parse_gate(text, "--fail-below"), True) for text in fail_below or ()]
     gates += [(*parse_gate(text, "--fail-above"), False) for text in fail_above or ()]
     files.refuse_clash(json_file, mesh_file)
-    mesh = files.read(mesh_file, surface, format)
+    files.refuse_clash(junit, mesh_file, *filter(None, [json_file]), option="--junit")
+    started = time.perf_counter()
+    within = files.merge_within(merge, merge_tolerance)
+    mesh = files.read(mesh_file, surface, format, within)
     measured = measure(mesh)
     summary, bounds = measured.summary(shown), limits(mesh)
     checks = _checks(measured, gates, fail_invalid)
@@ -92,6 +117,9 @@ def quality(
         "passed": passed,
     }
     with files.Outputs() as outputs:
+        if junit is not None:
+            report = machine.junit(mesh_file, checks, time.perf_counter() - started)
+            outputs.put(junit, lambda: replace_bytes(junit, report))
         if not outputs.put_json(json_file, facts):
             terminal.write_heading(f"{mesh_file}: {tables.size_text(summary)}")
             terminal.write_table(tables.summary_table(summary))
@@ -104,6 +132,8 @@ def quality(
             for check in checks:
                 if not check.passed:
                     terminal.say(f"failed: {check.text}")
+        for line in machine.workflow_commands(mesh_file, checks) if github else ():
+            terminal.write_command(line, aside=json_file == Path("-"))
         if not passed:
             raise typer.Exit(terminal.FAILED)
 

@@ -27,6 +27,8 @@ def smooth(
     options: dict[str, Any] | None = None,
     overwrite: files.OverwriteOption = False,
     keep_best: files.KeepBestOption = False,
+    merge: files.MergeOption = False,
+    merge_tolerance: files.MergeToleranceOption = None,
     surface: files.SurfaceOption = files.Surface.auto,
     format: files.FormatOption = None,
     output_format: files.OutputFormatOption = None,
@@ -59,6 +61,7 @@ def smooth(
     from qsmooth.output import tables
 
     files.refuse_unsafe(mesh_file, output, overwrite, json_file)
+    within = files.merge_within(merge, merge_tolerance)
     plot_metric = find_metric(plot_metric.replace("-", "_"), "--plot-metric").name
     if plot is not None:
         from qsmooth.output.drawing import require_matplotlib
@@ -68,7 +71,7 @@ def smooth(
         require_matplotlib()
     options = options or {}
     chosen, why = running.method_with(method, options)
-    mesh = files.read(mesh_file, surface, format)
+    mesh = files.read(mesh_file, surface, format, within)
     files.require_format(output, mesh, output_format, chosen.interpolate)
     result = running.run_to_end(mesh, chosen, output, why, format=output_format, keep=keep_best)
     limits = running.limits_of(mesh, result, chosen)

@@ -91,6 +91,15 @@ def write_title(text: str) -> None:
         write(text)
 
 
+def write_command(text: str, aside: bool) -> None:
+    """Print a line for a program that follows what is printed; `aside` on standard error."""
+    if aside:
+        with contextlib.suppress(OSError, ValueError):
+            sys.stderr.write(f"{text}\n")
+    else:
+        write(text)
+
+
 def say(text: str) -> None:
     """Print one line on standard error."""
     line = "qsmooth: " + " ".join(str(text).split())

@@ -17,6 +17,8 @@ def untangle(
     options: dict[str, Any] | None = None,
     overwrite: files.OverwriteOption = False,
     keep_best: files.KeepBestOption = False,
+    merge: files.MergeOption = False,
+    merge_tolerance: files.MergeToleranceOption = None,
     surface: files.SurfaceOption = files.Surface.auto,
     format: files.FormatOption = None,
     output_format: files.OutputFormatOption = None,
@@ -33,9 +35,10 @@ def untangle(
     from qsmooth.registry import all_methods
 
     files.refuse_unsafe(mesh_file, output, overwrite, json_file)
+    within = files.merge_within(merge, merge_tolerance)
     options = options or {}
     method = all_methods()["untangle"].of(options)
-    mesh = files.read(mesh_file, surface, format)
+    mesh = files.read(mesh_file, surface, format, within)
     files.require_format(output, mesh, output_format, method.interpolate)
     result = running.run_to_end(mesh, method, output, format=output_format, keep=keep_best)
     n_invalid = result.after.n_invalid

@@ -23,22 +23,27 @@ from qsmooth.errors import MeshError, MeshWarning
 from qsmooth.io import via_meshio
 from qsmooth.io.file_content import FileContent, of_mesh
 from qsmooth.io.files import read_bytes, write_bytes
-from qsmooth.io.registry import Format, named, own_formats, replaced, with_ending
+from qsmooth.io.listing import FormatRecord, format_records
+from qsmooth.io.recognition import format_to_read, format_to_write, formats, require_known
+from qsmooth.io.registry import named, own_formats
 
 if TYPE_CHECKING:
     from qsmooth.mesh import Mesh, MeshLike, Surface
 
-__all__ = ["format_of", "formats", "own_formats", "read_mesh", "write_mesh"]
+__all__ = [
+    "FormatRecord",
+    "format_of",
+    "format_records",
+    "formats",
+    "own_formats",
+    "read_mesh",
+    "write_and_tell",
+    "write_mesh",
+]
 
 PathLike: TypeAlias = str | os.PathLike[str]
 
 HEAD = 1 << 16  # bytes that tell a format; comments may come first
-
-
-def formats() -> dict[str, tuple[str, ...]]:
-    """Names of all formats, with their endings: qsmooth's own first, then meshio's."""
-    own = sorted(own_formats(), key=lambda form: form.NAME)
-    return {form.NAME: form.ENDINGS for form in own} | via_meshio.formats(replaced())
 
 
 def read_mesh(path: PathLike, *, surface: Surface = "auto", format: str | None = None) -> Mesh:
@@ -47,7 +52,8 @@ def read_mesh(path: PathLike, *, surface: Surface = "auto", format: str | None =
     Parameters
     ----------
     path
-        The format goes by the file's ending, and by its content where several share an ending.
+        The format goes by the file's ending, and by its content where several share an ending or
+        none has it.
     surface
         "flat" takes z for a field on a flat mesh; see `Mesh`.
     format
@@ -96,25 +102,31 @@ def write_mesh(path: PathLike, mesh: MeshLike, *, format: str | None = None) -> 
     """
     from qsmooth.mesh import as_mesh
 
+    lost = write_and_tell(path, mesh, format=format)
+    if lost:
+        name = format_of(path, as_mesh(mesh), format=format)
+        warnings.warn(
+            f"'{path}': format {name} cannot hold {'; '.join(lost)}", MeshWarning, stacklevel=2
+        )
+
+
+def write_and_tell(path: PathLike, mesh: MeshLike, *, format: str | None = None) -> tuple[str, ...]:
+    """Write a mesh as `write_mesh` does, and give what its format cannot hold, in words."""
+    from qsmooth.mesh import as_mesh
+
     path, mesh = Path(path), as_mesh(mesh)
     source = mesh.source if isinstance(mesh.source, FileContent) else None
     name = format_of(path, mesh, format=format)
     same_format = source is not None and source.format == name
-    lost: list[str] = []
     if same_format and source is not None and source.data and _can_write_in_place(source, mesh):
         write_bytes(path, _written_in_place(source, mesh))
-    elif form := named(name):
-        content = of_mesh(mesh)
+        return ()
+    content = of_mesh(mesh)
+    if form := named(name):
         data = form.write(content)
-        lost = content.losses(form.HOLDS)
         write_bytes(path, data)
-    else:
-        content = of_mesh(mesh)
-        lost = via_meshio.write(content, path, name) + list(content.extras)
-    if lost:
-        warnings.warn(
-            f"'{path}': format {name} cannot hold {'; '.join(lost)}", MeshWarning, stacklevel=2
-        )
+        return tuple(content.losses(form.HOLDS))
+    return (*via_meshio.write(content, path, name), *content.extras)
 
 
 def format_of(path: PathLike, mesh: Mesh, *, format: str | None = None) -> str:
@@ -127,9 +139,11 @@ def format_of(path: PathLike, mesh: Mesh, *, format: str | None = None) -> str:
     """
     path = Path(path)
     source = mesh.source if isinstance(mesh.source, FileContent) else None
-    name = format or _name_for(path, source)
-    if named(name) is None and name not in formats():  # meshio is asked last: it is slow to load
-        raise MeshError(f"cannot write '{path}': unknown format {name!r}, known are {_known()}")
+    name = format or format_to_write(path, source)
+    try:
+        require_known(name)
+    except MeshError as error:
+        raise MeshError(f"cannot write '{path}': {error}") from None
     return name
 
 
@@ -144,10 +158,10 @@ def _read(path: Path, name: str | None) -> FileContent:
     if not data.strip():
         raise MeshError("the file is empty")
     clean = _clean(data)
-    form = _by_content(path, clean[:HEAD].lstrip()) if name is None else named(name) or name
+    if name is not None:
+        require_known(name)
+    form = format_to_read(path, clean[:HEAD].lstrip()) if name is None else named(name) or name
     if isinstance(form, str):
-        if form not in via_meshio.formats(replaced()):
-            raise MeshError(f"unknown format {form!r}, known are {_known()}")
         content = via_meshio.read(path, form)
         # Kept to write an unchanged mesh as it was; of no use where a second file belongs to it.
         content.data = b"" if form in via_meshio.SEVERAL_FILES else data
@@ -160,44 +174,6 @@ def _read(path: Path, name: str | None) -> FileContent:
         raise MeshError(f"no valid file of format {form.NAME} ({error!r})") from error
     content.format, content.data = form.NAME, data
     return content
-
-
-def _by_content(path: Path, head: bytes) -> Format | str:
-    """The format of a file that begins so: its module, or meshio's name for it."""
-    claiming = with_ending(path.suffix.lower())
-    fitting = [form for form in claiming or own_formats() if form.sniff(head)]
-    if fitting and claiming:
-        return fitting[0]
-    foreign = via_meshio.names(path, replaced())
-    if foreign and (not claiming or head[:1] == b"("):  # .msh is ANSYS's too
-        return foreign[0]
-    if fitting:
-        return fitting[0]
-    if not claiming:
-        raise MeshError(f"unknown format: ending {path.suffix!r}, known are {_known()}")
-    others = [form.NAME for form in own_formats() if form.sniff(head)]
-    hint = f"; it looks like {others[0]}: say so with format={others[0]!r}" if others else ""
-    wanted = " or ".join(form.NAME for form in claiming)
-    raise MeshError(f"this is no file of format {wanted}: it begins with {head[:30]!r}{hint}")
-
-
-def _name_for(path: Path, source: FileContent | None) -> str:
-    """Name of the format to write a file of this ending in."""
-    ending = path.suffix.lower()
-    claiming = [form.NAME for form in with_ending(ending)]
-    names = claiming or via_meshio.names(path, replaced())
-    if source is not None and source.format:
-        # An ending that says nothing is the one it was read from, or left out.
-        says_nothing = not names and ending in ("", source.ending)
-        if source.format in names or says_nothing:
-            return source.format
-    if not names:
-        raise MeshError(f"cannot write '{path}': unknown ending {ending!r}, known are {_known()}")
-    return names[0]
-
-
-def _known() -> str:
-    return ", ".join(formats())
 
 
 def _can_write_in_place(source: FileContent, mesh: Mesh) -> bool:

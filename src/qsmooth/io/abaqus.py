@@ -10,8 +10,8 @@ import numpy as np
 
 from qsmooth._types import IndexArray
 from qsmooth.errors import MeshError
+from qsmooth.io.abaqus_keywords import keyword_lines
 from qsmooth.io.file_content import FACES, Block, FileContent
-from qsmooth.io.in_place import joined
 from qsmooth.io.text import Text, blanked, blocks_by_id, finish, integers, line_of, rows_of
 
 NAME = "abaqus"
@@ -33,6 +33,7 @@ POINT = re.compile(r"(?:MASS|ROTARYI|SPRING1|DASHPOT1|HEATCAP)$")
 LONGEST_RANGE = 10**7  # ids of all GENERATE; a damaged number must not fill the memory
 MOST_PARTS = 10**6  # sets times blocks of elements: a set has an array for each block
 GENERATORS = ("NGEN", "NFILL", "NCOPY", "ELGEN", "ELCOPY", "NMAP")
+GAP = rb",[ \t]*,"
 NOTHING = np.empty(0, np.int64)
 WRITTEN = {"triangle": "CPS3", "quad": "CPS4", "line": "T2D2"}
 
@@ -57,7 +58,7 @@ class _Reader:
             clean = clean.replace(b"\r", b"\n")
         self.clean = clean
         self.text = Text(clean.replace(b",", b" "))
-        self.ids: list[IndexArray] = []
+        self.ids: list[np.ndarray] = []  # as numbers of any kind: they stand beside coordinates
         self.points: list[np.ndarray] = []
         self.slots: list[IndexArray] = []
         # (type, element ids, node ids, tokens) of each *ELEMENT
@@ -66,15 +67,19 @@ class _Reader:
         self.sets: dict[str, dict[str, list[IndexArray]]] = {"NSET": {}, "ELSET": {}}
         self.others: list[str] = []
         self.n_generated = 0
+        self.has_gaps = re.search(GAP, clean) is not None
 
     def content(self) -> FileContent:
         parts: set[str] = set()
         in_assembly = False
-        sections = list(_sections(self.clean))
-        if not sections:
+        keywords, begins, bodies = keyword_lines(self.clean)
+        if not keywords:
             raise MeshError("no keyword of Abaqus found")
-        for key, options, begin, body, end in sections:
-            first, last = np.searchsorted(self.text.starts, (body, end)).tolist()
+        ends = [*begins[1:], len(self.clean)]
+        firsts, lasts = (np.searchsorted(self.text.starts, at).tolist() for at in (bodies, ends))
+        for (key, options), begin, body, end, first, last in zip(
+            keywords, begins, bodies, ends, firsts, lasts, strict=True
+        ):
             if key == "PART":
                 parts.add(options.get("NAME", ""))
             elif key in ("ASSEMBLY", "INSTANCE", "END INSTANCE", "END ASSEMBLY"):
@@ -112,22 +117,24 @@ class _Reader:
             self.fail(begin, f"coordinate system {options['SYSTEM']} is not read, only rectangular")
         if first == last:
             return
-        if empty := re.search(rb",[ \t]*,", body):
+        if self.has_gaps and (empty := re.search(GAP, body)):
             at = int(self.text.starts[first]) if first < len(self.text) else begin
             self.fail(at + empty.start(), "an empty field among coordinates is not read")
         rows = self.rows(first, last)
-        widths = np.diff(rows)
-        width = int(widths.min())
-        if width < 3 or widths.max() != width:
+        width = int(rows[1] - rows[0])
+        if width < 3 or (last - first) != width * (len(rows) - 1) or not _even(rows):
+            widths = np.diff(rows)
+            width = int(widths.min())
             row = int(np.argmin(widths)) if width < 3 else int(np.argmax(widths != widths[0]))
             self.text.fail(
                 int(rows[row]), f"a node with {widths[row]} numbers: id and 2 or 3 coordinates"
             )
         table = self.text.numbers(first, last).reshape(-1, width)
-        self.ids.append(integers(table[:, 0], "node"))
+        self.ids.append(table[:, 0])
         self.points.append(table[:, 1:4])
         self.slots.append(rows[:-1, None] + np.arange(1, min(width, 4)))
-        self.add("NSET", options, self.ids[-1])
+        if "NSET" in options:
+            self.add("NSET", options, integers(self.ids[-1], "node"))
 
     def element(self, options: dict[str, str], begin: int, first: int, last: int) -> None:
         """*ELEMENT: id and nodes; on several lines where there are many."""
@@ -169,10 +176,11 @@ class _Reader:
             self.fail(begin, f"*{key} without {key}=")
         if "GENERATE" in options:
             members = []
+            numbers = self.text.numbers(first, last, np.int64).tolist()
             for row, end in pairwise(self.rows(first, last).tolist()):
                 if end - row not in (2, 3):
                     self.text.fail(row, "GENERATE needs first, last and perhaps step")
-                start, stop, step = [*self.text.numbers(row, end, np.int64).tolist(), 1][:3]
+                start, stop, step = [*numbers[row - first : end - first], 1][:3]
                 if step < 1 or stop < start:
                     self.text.fail(row, f"{start}, {stop}, {step}: no range")
                 self.n_generated += (stop - start) // step
@@ -196,7 +204,7 @@ class _Reader:
 
     def rows(self, first: int, last: int) -> IndexArray:
         rows = self.text.rows
-        i, j = np.searchsorted(rows, (first, last))
+        i, j = rows.searchsorted((first, last)).tolist()
         return rows[i : j + 1]
 
     def add(self, key: str, options: dict[str, str], ids: IndexArray) -> None:
@@ -204,7 +212,7 @@ class _Reader:
             self.sets[key].setdefault(name.upper(), []).append(ids)
 
     def assemble(self) -> FileContent:
-        ids = np.concatenate(self.ids)
+        ids = integers(np.concatenate(self.ids), "node")
         if len({points.shape[1] for points in self.points}) > 1:
             raise MeshError("some *NODE have two coordinates, others three")
         linear = [kind in (*FACES, "line", "vertex") for kind, *_ in self.elements]
@@ -225,7 +233,7 @@ class _Reader:
         if tags is None and unique:
             tags, names = _partition(blocks, cell_rows)
         cell_sets = {}
-        others = sorted({f"*{key}" for key in self.others})
+        others = sorted(f"*{key}" for key in set(self.others))
         if len(cell_rows) * len(blocks) > MOST_PARTS:
             others.append(f"{len(cell_rows)} sets of elements")
         elif unique:  # ids say nothing else
@@ -239,7 +247,7 @@ class _Reader:
             point_sets=_members(ids, self.sets["NSET"]),
             cell_sets=cell_sets,
             extras=tuple(others),
-            slots=joined([self.text.slots(tokens) for tokens in self.slots]),
+            slots=self.text.slots(np.concatenate(self.slots)),
             places=[self.text.starts[tokens] for *_, tokens in self.elements],
         )
 
@@ -258,22 +266,41 @@ class _Reader:
         return tags, {name: (numbers[name], 2) for name in dict.fromkeys(of_faces)}
 
 
+def _even(rows: IndexArray) -> bool:
+    """Whether all rows are of one width."""
+    return len(rows) == 2 or not np.diff(rows, 2).any()
+
+
 def _members(ids: IndexArray, sets: dict[str, list[IndexArray]]) -> dict[str, IndexArray]:
     """Where the members of each set stand among `ids`, ascending."""
+    if not sets:
+        return {}
     order = np.argsort(ids, kind="stable")
     ordered = ids[order]
-    members = {}
-    for name, parts in sets.items():
-        wanted = np.unique(np.concatenate(parts))
-        begins = np.searchsorted(ordered, wanted)
-        counts = np.searchsorted(ordered, wanted, side="right") - begins
-        rows = np.repeat(begins - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
-        members[name] = np.sort(order[rows])
-    return members
+    sizes = [sum(map(len, parts)) for parts in sets.values()]
+    wanted = np.concatenate([part for parts in sets.values() for part in parts])
+    wanted, owners = _each_once(wanted, np.repeat(np.arange(len(sets)), sizes))
+    begins = np.searchsorted(ordered, wanted)
+    counts = np.searchsorted(ordered, wanted, side="right") - begins
+    rows = np.repeat(begins - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
+    rows, owners = _each_once(order[rows], np.repeat(owners, counts))
+    cuts = np.searchsorted(owners, np.arange(len(sets) + 1)).tolist()
+    return {name: rows[i:j] for name, (i, j) in zip(sets, pairwise(cuts), strict=True)}
+
+
+def _each_once(values: IndexArray, owners: IndexArray) -> tuple[IndexArray, IndexArray]:
+    """Values in order within each owner, repeated ones left out."""
+    order = np.lexsort((values, owners))
+    values, owners = values[order], owners[order]
+    first = np.ones(len(values), np.bool_)
+    first[1:] = (values[1:] != values[:-1]) | (owners[1:] != owners[:-1])
+    return values[first], owners[first]
 
 
 def _by_block(rows: IndexArray, ends: IndexArray) -> list[IndexArray]:
     """Cells counted through all blocks, as cells of each."""
+    if len(ends) == 1:
+        return [rows]
     cuts = np.searchsorted(rows, ends)
     begins = np.append(0, cuts[:-1])
     firsts = np.append(0, ends[:-1])
@@ -292,8 +319,9 @@ def _partition(
     count = np.zeros(len(is_face), np.int64)
     tags = np.zeros(len(is_face), np.int64)
     names: dict[str, tuple[int, int]] = {}
+    n_faces = np.count_nonzero(is_face)
     for name, rows in cell_rows.items():
-        if 0 < np.count_nonzero(is_face[rows]) < np.count_nonzero(is_face):
+        if 0 < np.count_nonzero(is_face[rows]) < n_faces:
             names[name] = (len(names) + 1, 2)
             count[rows] += 1
             tags[rows] = len(names)
@@ -315,28 +343,6 @@ def _kind(name: str) -> tuple[str, int]:
     if POINT.match(name):
         return "vertex", 1
     return name, 0
-
-
-def _sections(clean: bytes) -> list[tuple[str, dict[str, str], int, int, int]]:
-    """Keyword, options, first byte, and begin and end of the data, of each keyword."""
-    heads = []
-    for match in re.finditer(rb"(?m)^[ \t]*\*[^\r\n]*", clean):
-        begin, end = match.span()
-        while clean[begin:end].rstrip().endswith(b",") and end < len(clean):
-            following = clean.find(b"\n", end + 2)  # the keyword goes on in the next line
-            end = len(clean) if following < 0 else following
-        heads.append((begin, end))
-    sections = []
-    for number, (begin, end) in enumerate(heads):
-        words = clean[begin:end].decode("latin-1").strip().lstrip("*").split(",")
-        options = {}
-        for word in words[1:]:
-            option, _, value = word.partition("=")
-            options[option.strip().upper()] = value.strip().strip('"')
-        stop = heads[number + 1][0] if number + 1 < len(heads) else len(clean)
-        key = " ".join(words[0].upper().split())
-        sections.append((key, options, begin, end, stop))
-    return sections
 
 
 def write(content: FileContent) -> bytes:

@@ -143,6 +143,8 @@ class FileContent:
                 where += f", line {line_of(self.data, int(self.slots.starts[vertex, 0]))}"
             n_lost = counted(int(lost.sum()), "vertex is", "vertices are")
             raise MeshError(f"{n_lost} not finite, the first is {where}")
+        if self._is_sound():
+            return
         refused: dict[str, tuple[int, str]] = {}
         first_cell = 0
         for b, (kind, cells) in enumerate(self.blocks):
@@ -177,6 +179,13 @@ class FileContent:
             raise MeshError(
                 f"no triangle or quad among {n_vertices} vertices and {first_cell} cells"
             )
+
+    def _is_sound(self) -> bool:
+        """Whether all cells can be read and have vertices, at one look: blocks may be many."""
+        if not self.faces or any(kind not in N_VERTICES for kind, _ in self.blocks):
+            return False
+        every = np.concatenate([cells.ravel() for _, cells in self.blocks])
+        return bool(every.size and every.min() >= 0 and every.max() < len(self.points))
 
     def _place(self, block: int, row: int, first_cell: int) -> str:
         where = f"cell {first_cell + row}"

@@ -10,12 +10,13 @@ import numpy as np
 from qsmooth._types import FloatArray, IndexArray
 from qsmooth.errors import MeshError
 from qsmooth.io.file_content import FACES, N_VERTICES, FileContent
+from qsmooth.io.gmsh_data import NodeData, data_at_points, lines_of_data, read_node_data
 from qsmooth.io.in_place import Slots, joined
 from qsmooth.io.text import Cursor, blocks_by_id, finish, rows_of
 
 NAME = "gmsh"
 ENDINGS = (".msh",)
-HOLDS = frozenset(("z", "vertex", "line", "regions", "names"))
+HOLDS = frozenset(("z", "vertex", "line", "regions", "names", "point_data"))
 
 # Element type -> (name, vertices), from Gmsh's manual; what is not first order in two dimensions
 # is here only so that it can be refused by name.
@@ -49,6 +50,7 @@ TYPES = {
 }
 CODES = {"vertex": 15, "line": 1, "triangle": 2, "quad": 3}
 DIMENSIONS = {"vertex": 0, "line": 1, "triangle": 2, "quad": 2}
+INDENTED = 80  # bytes that are looked at before the end of a section, whether it starts a line
 TAGS = ("gmsh:physical", "gmsh:geometrical")
 
 
@@ -76,6 +78,7 @@ class _Reader:
         self.parts: list[tuple[int, IndexArray, IndexArray, IndexArray]] = []
         self.names: dict[str, tuple[int, int]] = {}
         self.physical: dict[tuple[int, int], int] = {}  # (dimension, entity) -> physical tag
+        self.data_parts: list[NodeData] = []
         self.others: list[str] = []
 
     def content(self) -> FileContent:
@@ -95,12 +98,15 @@ class _Reader:
                 cursor.pos = cursor.line_start
                 cursor.fail(f"a section must begin with $, found {line[:40]!r}")
             end = b"$End" + line[1:] if line not in (b"$NOD", b"$ELM") else b"$END" + line[1:]
+            if line == b"$NodeData" and (data := read_node_data(cursor)) is not None:
+                self.data_parts.append(data)
+                continue
             if line not in sections:
                 self.others.append(line.decode("latin-1"))
-                last = re.compile(b"^[ \t]*" + re.escape(end), re.M).search(self.data, cursor.pos)
-                if last is None:
+                stop = _stop(self.data, end, cursor.pos)
+                if stop < 0:
                     cursor.fail(f"{line.decode('latin-1')} has no {end.decode('latin-1')}")
-                cursor.pos = last.end()
+                cursor.pos = stop
                 continue
             if line in seen:
                 cursor.fail(f"a second section {line.decode()}")
@@ -183,8 +189,7 @@ class _Reader:
         else:
             n_blocks, n_nodes = cursor.numbers(4, "i8").tolist()[:2]
         for _ in range(n_blocks):
-            first, second, parametric = cursor.numbers(3, "i4").tolist()
-            n = int(cursor.numbers(1, "i8")[0])
+            first, second, parametric, n = _head_of_block(cursor)
             if n < 0 or n > len(self.data):
                 cursor.fail(f"{n} nodes in a block")
             if n == 0 and self.ids:
@@ -274,8 +279,7 @@ class _Reader:
             n_blocks, n_elements = cursor.numbers(4, "i8").tolist()[:2]
         found = 0
         for _ in range(n_blocks):
-            first, second, code = cursor.numbers(3, "i4").tolist()
-            n = int(cursor.numbers(1, "i8")[0])
+            first, second, code, n = _head_of_block(cursor)
             dimension, entity = (second, first) if self.version == 4.0 else (first, second)
             _, n_corners = self.type_of(code)
             place, token = cursor.pos, -1 if cursor.order else cursor.token
@@ -307,15 +311,19 @@ class _Reader:
         )
         if not any(pair.any() for pair in pairs):
             cell_data = {}
+        point_data, data_slots, left_out = data_at_points(self.data_parts, ids)
+        others = self.others + left_out * ["$NodeData"]
         return FileContent(
             np.concatenate(self.points),
             blocks,
             [pair[:, 0 if physical else 1] for pair in pairs] if cell_data else None,
             self.names,
+            point_data=point_data,
             cell_data=cell_data,
             field_data={name: np.array(pair) for name, pair in self.names.items()},
-            extras=tuple(f"section {name}" for name in self.others),
+            extras=tuple(f"section {name}" for name in others),
             slots=joined(self.slots),
+            data_slots=data_slots,
             places=[place for _, _, _, place in self.parts],
         )
 
@@ -344,7 +352,25 @@ def write(content: FileContent) -> bytes:
         ids = np.arange(first, first + n)
         lines += rows_of(ids, head, physical, geometrical, cells + 1)
         first += n
-    return finish([*lines, "$EndElements"])
+    return finish([*lines, "$EndElements", *lines_of_data(content)])
+
+
+def _stop(data: bytes, end: bytes, begin: int) -> int:
+    """Where the first line that starts with `end` goes on after it; -1 where there is none."""
+    at = data.find(end, begin)
+    while at >= 0:
+        before = data[max(begin, at - INDENTED) : at]
+        if not before.rpartition(b"\n")[2].strip():
+            return at + len(end)
+        at = data.find(end, at + 1)
+    return -1
+
+
+def _head_of_block(cursor: Cursor) -> list[int]:
+    """Three ints and a count, which as text are numbers alike."""
+    if not cursor.order:
+        return list(map(int, cursor.numbers(4, "i8")))
+    return [*cursor.numbers(3, "i4").tolist(), int(cursor.numbers(1, "i8")[0])]
 
 
 def _integer(cursor: Cursor, what: str) -> int:

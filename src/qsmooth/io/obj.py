@@ -8,7 +8,7 @@ import numpy as np
 
 from qsmooth._types import IndexArray
 from qsmooth.io.file_content import FACES, FileContent
-from qsmooth.io.text import Text, blanked, finish, rows_of
+from qsmooth.io.text import Text, blanked, finish, rows_of, runs
 
 NAME = "obj"
 ENDINGS = (".obj",)
@@ -62,21 +62,25 @@ def read(data: bytes) -> FileContent:
     short = numbers[widths[cell] < np.where(of_letter["f"][cell], 4, 2)]
     if short.size:
         text.fail(int(firsts[short[0]]), f"a cell with {widths[short[0]] - 1} vertices")
-    kinds = widths[cell] * 256 + letters[cell]
-    for i, j, ids in text.tables(firsts[cell] + 1, widths[cell] - 1, kinds):
-        n_corners = int(widths[numbers[i]]) - 1
+    lengths = widths[cell] - 1
+    ends = np.cumsum(lengths)
+    before = np.repeat(firsts[cell] + 1 - ends + lengths, lengths)
+    ids = text.numbers_at(before + np.arange(len(before)), np.int64)
+    if not ids.all():
+        row = int(np.searchsorted(ends, np.argmax(ids == 0), side="right"))
+        text.fail(int(firsts[numbers[row]]), "vertex 0: OBJ counts from 1")
+    ids = np.where(ids > 0, ids - 1, np.repeat(n_before[numbers], lengths) + ids)
+    all_places, begins = text.starts[firsts[numbers]], ends - lengths
+    for i, j in runs(widths[cell] * 256 + letters[cell]):
+        n_corners = int(lengths[i])
         letter = chr(letters[numbers[i]])
-        if (ids == 0).any():
-            row = int(np.flatnonzero((ids == 0).any(axis=1))[0])
-            text.fail(int(firsts[numbers[i + row]]), "vertex 0: OBJ counts from 1")
-        cells = np.where(ids > 0, ids - 1, n_before[numbers[i:j], None] + ids)
-        place = text.starts[firsts[numbers[i:j]]]
-        kind = KINDS.get(n_corners, f"polygon{n_corners}")
-        if letter == "l":  # a polyline: one line cell for each of its edges
+        cells, place = ids[begins[i] : ends[j - 1]].reshape(j - i, n_corners), all_places[i:j]
+        kind = KINDS.get(n_corners) or f"polygon{n_corners}"
+        if letter == "l" and n_corners > 2:  # a polyline: one line cell for each of its edges
             place = np.repeat(place, n_corners - 1)
             cells = np.stack((cells[:, :-1], cells[:, 1:]), axis=-1).reshape(-1, 2)
             kind = "line"
-        elif letter == "p":
+        elif letter == "p" and n_corners > 1:
             place, cells, kind = np.repeat(place, n_corners), cells.reshape(-1, 1), "vertex"
         blocks.append((kind, cells))
         places.append(place)

@@ -120,11 +120,14 @@ class _Reader:
                 points = np.stack([columns[a].astype(np.float64) for a in axes], axis=1)
                 if any(np.dtype(d).kind != "f" for p, d, _ in properties if p in axes):
                     raise MeshError("coordinates that are declared integers cannot move")
-                slots = self.slots(text, axes, properties, n, where)
+                index = {p: i for i, (p, _, _) in reversed([*enumerate(properties)])}
+                sizes = [np.dtype(d).itemsize for _, d, _ in properties]
+                offsets = np.cumsum([0, *sizes])
+                slots = self.slots(text, [index[a] for a in axes], properties, offsets, where)
                 point_data = {p: v for p, v in columns.items() if p not in "xyz"}
                 for p, dtype, count_type in properties:
                     if p in point_data and not count_type and np.dtype(dtype).kind == "f":
-                        own = self.slots(text, [p], properties, n, where)
+                        own = self.slots(text, [index[p]], properties, offsets, where)
                         data_slots[p] = replace(own, widen=(), keeps_type=True)
             elif name == "face":
                 corners = next((columns[key] for key in CORNERS if key in columns), None)
@@ -170,22 +173,19 @@ class _Reader:
     def slots(
         self,
         text: Text | None,
-        axes: list[str],
+        index: list[int],
         properties: list[Property],
-        n: int,
+        offsets: IndexArray,
         where: IndexArray,
     ) -> Slots:
-        """Where x, y and z of each vertex are."""
-        index = [[p for p, _, _ in properties].index(axis) for axis in axes]
+        """Where the properties of these numbers are, of each vertex."""
         if text is not None:
             slots = text.slots(np.searchsorted(text.starts, where)[:, None] + np.array(index))
             return Slots(slots.starts, slots.ends, None, tuple(self.widen))
         dtypes = {properties[i][1] for i in index}
         if len(dtypes) > 1:
             raise MeshError("x, y and z are of different types")
-        sizes = [np.dtype(d).itemsize for _, d, _ in properties]
-        offsets = np.array([sum(sizes[:i]) for i in index])
-        starts = where[:, None] + offsets
+        starts = where[:, None] + offsets[index]
         dtype = np.dtype(self.order + dtypes.pop())
         return Slots(starts, starts + dtype.itemsize, dtype, tuple(self.widen))
 

@@ -21,7 +21,8 @@ NAMES = ("NAME", "ENDINGS", "HOLDS", "sniff", "read", "write")
 class Format(Protocol):
     """What the module of a format has.
 
-    Two more names may be there. ``PRIORITY``, 0 if it is not: of the formats that share an ending
+    Three more names may be there. ``WRITES``, True if it is not: whether it writes new files.
+    ``PRIORITY``, 0 if it is not: of the formats that share an ending
     the one with the highest is asked first whether a file is its own, and is the one written.
     ``REPLACES``, ``(NAME,)`` if it is not: meshio's names for the format, which are then left out.
     """

@@ -58,14 +58,15 @@ def read(data: bytes) -> FileContent:
     text = Text(KEYWORD.sub(lambda m: b" " * len(m[0]), clean))
     zones: list[_Zone] = []
     zone = _Zone()
+    sections: list[_Section] = []
+    stops = [match.start() for match in keywords[1:]] + [len(clean)]
+    firsts = np.searchsorted(text.starts, [match.end() for match in keywords]).tolist()
+    lasts = np.searchsorted(text.starts, stops).tolist()
     dimension = n_zones = 0
     tag = "?"
     n_read = 0
-    for number, match in enumerate(keywords):
+    for match, token, last in zip(keywords, firsts, lasts, strict=True):
         key, value = match[1], match[2]
-        end = keywords[number + 1].start() if number + 1 < len(keywords) else len(clean)
-        token = int(np.searchsorted(text.starts, match.end()))
-        last = int(np.searchsorted(text.starts, end))
         if key == b"NDIME":
             dimension = _integer(text, match, value)
             if dimension not in (2, 3):
@@ -88,9 +89,10 @@ def read(data: bytes) -> FileContent:
                 zone.read_points(text, match, n_rows, dimension, token, last)
             else:
                 marker = tag if key == b"MARKER_ELEMS" else None
-                zone.read_cells(text, match, n_rows, marker, token, last)
+                sections.append((zone, match, n_rows, marker, token, last))
         if key not in COUNTED and key in KNOWN and last > token:
             text.fail(token, f"numbers after {key.decode()}= that belong to nothing")
+    _read_cells(text, sections)
     if not zones or not any(zone.parts for zone in zones):
         text.fail(len(text), "no NPOIN= section" if n_read else "no section of SU2 found")
     if n_zones and n_zones != len(zones):
@@ -103,8 +105,9 @@ def read(data: bytes) -> FileContent:
         if not zone.parts:
             text.fail(len(text), f"zone {zone_number} has no NPOIN= section")
         n_points = len(zone.parts[0][0])
+        sound = zone.is_sound(n_points)
         for marker, kind, cells, place in zone.cells:
-            if cells.size and not (cells.min() >= 0 and cells.max() < n_points):
+            if not sound and cells.size and not (cells.min() >= 0 and cells.max() < n_points):
                 bad = ((cells < 0) | (cells >= n_points)).any(axis=1)
                 row = int(np.flatnonzero(bad)[0])
                 text.fail(
@@ -159,26 +162,42 @@ class _Zone:
             points = text.numbers_at(tokens.ravel()).reshape(n, dimension)
         self.parts.append((points, tokens))
 
-    def read_cells(
-        self, text: Text, match: re.Match[bytes], n: int, tag: str | None, first: int, last: int
-    ) -> None:
-        """Elements: type, vertices, and after them perhaps a number."""
-        rows = _rows(text, match, n, first, last)
-        codes = text.numbers_at(rows[:-1], np.int64)
-        widths = np.diff(rows)
-        lengths = np.zeros(n, np.int64)
-        for code in np.unique(codes).tolist():
-            rows_of_code = np.flatnonzero(codes == code)
-            if code not in TYPES:
-                text.fail(int(rows[rows_of_code[0]]), f"element type {code} is unknown")
-            kind, n_corners = TYPES[code]
-            short = rows_of_code[widths[rows_of_code] < n_corners + 1]
-            if short.size:
-                text.fail(int(rows[short[0]]), f"a {kind} needs {n_corners} vertices")
-            lengths[rows_of_code] = n_corners + 1
-        for i, j, table in text.tables(rows[:-1], lengths, codes):
-            kind = TYPES[int(codes[i])][0]
-            self.cells.append((tag, kind, table[:, 1:], text.starts[rows[i:j]]))
+    def is_sound(self, n_points: int) -> bool:
+        """Whether all cells name points of the zone, at one look: there may be many markers."""
+        if not self.cells:
+            return True
+        every = np.concatenate([cells.ravel() for _, _, cells, _ in self.cells])
+        return not every.size or bool(every.min() >= 0 and every.max() < n_points)
+
+
+# Elements of a zone or a marker: its keyword, count of rows, name, first token and the end.
+_Section = tuple[_Zone, re.Match[bytes], int, str | None, int, int]
+
+
+def _read_cells(text: Text, sections: list[_Section]) -> None:
+    """Elements: type, vertices, and after them perhaps a number; of all sections at once."""
+    if not sections:
+        return
+    found = [_rows(text, *section[1:3], *section[4:]) for section in sections]
+    counts = np.array([len(rows) - 1 for rows in found])
+    owners = np.repeat(np.arange(len(sections)), counts)
+    firsts = np.concatenate([rows[:-1] for rows in found])
+    widths = np.concatenate([rows[1:] for rows in found]) - firsts
+    codes = text.numbers_at(firsts, np.int64)
+    lengths = np.zeros(len(codes), np.int64)
+    for code in np.unique(codes).tolist():
+        rows_of_code = np.flatnonzero(codes == code)
+        if code not in TYPES:
+            text.fail(int(firsts[rows_of_code[0]]), f"element type {code} is unknown")
+        kind, n_corners = TYPES[code]
+        short = rows_of_code[widths[rows_of_code] < n_corners + 1]
+        if short.size:
+            text.fail(int(firsts[short[0]]), f"a {kind} needs {n_corners} vertices")
+        lengths[rows_of_code] = n_corners + 1
+    places = text.starts[firsts]
+    for i, j, table in text.tables(firsts, lengths, owners * (1 + max(TYPES)) + codes):
+        zone, _, _, tag, *_ = sections[owners[i]]
+        zone.cells.append((tag, TYPES[int(codes[i])][0], table[:, 1:], places[i:j]))
 
 
 def write(content: FileContent) -> bytes:
@@ -214,7 +233,7 @@ def write(content: FileContent) -> bytes:
 def _rows(text: Text, match: re.Match[bytes], n: int, first: int, last: int) -> IndexArray:
     """Token at which each of the `n` rows of a section begins, and its end."""
     rows = text.rows
-    i, j = np.searchsorted(rows, (first, last))
+    i, j = rows.searchsorted((first, last)).tolist()
     if j - i != n:
         key = match[1].decode()
         token = last if j - i < n else int(rows[i + n])

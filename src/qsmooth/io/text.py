@@ -19,6 +19,9 @@ from qsmooth.io.in_place import Slots, binary_slots
 FORTRAN = bytes.maketrans(b"dD", b"ee")
 # All integers below are exact as floating-point numbers.
 EXACT = 2.0**53
+# Bytes a number from which on numbers are picked out one by one: what they stand among may be the
+# whole file, and a file may ask for as many such columns as it has bytes.
+SPARSE = 128
 
 
 def blanked(data: bytes, pattern: bytes) -> bytes:
@@ -107,7 +110,7 @@ class Text:
         if first >= last:
             return np.empty(0, dtype)
         piece = self.data[self.starts[first] : self.ends[last - 1]]
-        return self._parse(piece, np.arange(first, last), dtype)
+        return self._parse(piece, range(first, last), dtype)
 
     def numbers_at(self, tokens: IndexArray, dtype: Any = np.float64) -> npt.NDArray[Any]:
         """Values of these tokens, which must be in increasing order."""
@@ -116,6 +119,10 @@ class Text:
         if tokens[-1] - tokens[0] + 1 == tokens.size:
             return self.numbers(int(tokens[0]), int(tokens[-1]) + 1, dtype)
         begin, end = self.starts[tokens[0]], self.ends[tokens[-1]]
+        if end - begin > SPARSE * tokens.size:
+            starts, ends = self.starts[tokens].tolist(), self.ends[tokens].tolist()
+            words = [self.data[i:j] for i, j in zip(starts, ends, strict=True)]
+            return self._parse(b" ".join(words), tokens, dtype)
         # Blank the rest rather than pick out tokens: one pass over bytes, no Python loop.
         edges = np.zeros(end - begin + 1, np.int8)
         edges[self.starts[tokens] - begin] = 1
@@ -149,7 +156,9 @@ class Text:
         for i, j in runs(kinds):
             yield i, j, values[begins[i] : ends[j - 1]].reshape(j - i, -1)
 
-    def _parse(self, piece: bytes, tokens: IndexArray, dtype: Any) -> npt.NDArray[Any]:
+    def _parse(
+        self, piece: bytes, tokens: Sequence[int] | IndexArray, dtype: Any
+    ) -> npt.NDArray[Any]:
         values = _from_text(piece, dtype)
         if values is None or len(values) != len(tokens):
             values = _from_text(piece.translate(FORTRAN), dtype)
@@ -157,9 +166,11 @@ class Text:
             self._fail_at_first_that_is_none(tokens, dtype)
         return values
 
-    def _fail_at_first_that_is_none(self, tokens: IndexArray, dtype: Any) -> NoReturn:
+    def _fail_at_first_that_is_none(
+        self, tokens: Sequence[int] | IndexArray, dtype: Any
+    ) -> NoReturn:
         convert = int if np.dtype(dtype).kind in "iu" else float
-        for token in tokens.tolist():
+        for token in map(int, tokens):
             word = self.word(token).translate(FORTRAN)
             try:
                 convert(word)
@@ -206,6 +217,7 @@ class Cursor:
         self.order = order
         self.pos = 0
         self.line_start = 0
+        self._found = (-1, 0)  # the last place that was looked up, and its token
 
     @cached_property
     def text(self) -> Text:
@@ -232,7 +244,11 @@ class Cursor:
     @property
     def token(self) -> int:
         """Number of the next token."""
-        return int(np.searchsorted(self.text.starts, self.pos))
+        place, token = self._found
+        if place != self.pos:
+            token = int(self.text.starts.searchsorted(self.pos))
+            self._found = (self.pos, token)
+        return token
 
     def word(self) -> bytes:
         """The next token; b"" at the end. Text only."""
@@ -267,6 +283,7 @@ class Cursor:
         values = self.text.numbers(token, token + n, kind)
         if n:
             self.pos = int(self.text.ends[token + n - 1])
+            self._found = (self.pos, token + n)
         return values
 
     def points(

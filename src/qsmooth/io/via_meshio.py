@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import random
+import re
 import sys
 import warnings
 from collections.abc import Iterator, Set
@@ -27,6 +28,19 @@ SEVERAL_FILES = frozenset(("tetgen", "xdmf"))
 # Readers that go on reading for ever where a file ends too early, and whether they read text.
 ENDLESS = {"ansys": False, "mdpa": False, "tecplot": True}
 MOST_ENDS = 1000
+# How text files of formats begin that have a beginning of their own.
+BEGINNINGS = (
+    ("ansys", rb"\(\s*\d"),
+    ("stl", rb"solid\b[^\n]*\n\s*facet\b"),
+    ("xdmf", rb"(<\?xml[^>]*>)?\s*(<!DOCTYPE[^>]*>)?\s*<Xdmf\b"),
+    ("dolfin-xml", rb"(<\?xml[^>]*>)?\s*<dolfin\b"),
+    ("flac3d", rb"\* FLAC3D"),
+    ("permas", rb"\$ENTER COMPONENT"),
+    ("mdpa", rb"Begin (ModelPartData|Properties|Nodes)\b"),
+    ("tecplot", rb"(?i)(TITLE\s*=[^\n]*\n\s*)?VARIABLES\s*="),
+    ("nastran", rb"(\$[^\n]*\n\s*)*(SOL\s+\d|CEND\b|BEGIN\s+BULK|GRID[\s,*])"),
+    ("wkt", rb"TIN\s*Z?\s*\(\("),
+)
 
 
 def loaded() -> Any:
@@ -48,6 +62,12 @@ def names(path: Path, without: Set[str]) -> list[str]:
     return [name for name in found if name not in without | NOT_MESHES]
 
 
+def name_by_content(head: bytes, without: Set[str]) -> str | None:
+    """Name of meshio's format whose files begin so, `without` left out."""
+    fitting = [name for name, pattern in BEGINNINGS if re.match(pattern, head)]
+    return next((name for name in fitting if name not in without), None)
+
+
 def formats(without: Set[str]) -> dict[str, tuple[str, ...]]:
     """Names and endings of meshio's formats, `without` left out."""
     meshio = loaded()
@@ -58,6 +78,16 @@ def formats(without: Set[str]) -> dict[str, tuple[str, ...]]:
             if name not in without | NOT_MESHES:
                 endings.setdefault(name, []).append(ending)
     return {name: tuple(found) for name, found in sorted(endings.items())}
+
+
+def readers() -> frozenset[str]:
+    """Names of the formats that meshio has a reader for."""
+    return frozenset(loaded()._helpers.reader_map)
+
+
+def writers() -> frozenset[str]:
+    """Names of those that it has a writer for, and that `write` takes."""
+    return frozenset(loaded()._helpers._writer_map) - SEVERAL_FILES
 
 
 def read(path: Path, name: str) -> FileContent:

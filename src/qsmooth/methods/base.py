@@ -70,9 +70,11 @@ class Method(Constraints):
         (),
         metavar="NAMES",
         default_words="none",
-        parse=parse_names,
+        parse=tuple,
+        repeats=True,
         help="Point data of the file to interpolate in the same way, floats only, with commas "
-        "between (in Python also a list); all other data stays with its vertices.",
+        "between, or one at a time, as names with commas need it (in Python a list); all other "
+        "data stays with its vertices.",
     )
     callback: Callback | None = opaque(
         None,
@@ -109,8 +111,8 @@ class Method(Constraints):
 
         `chosen` says why this method was taken, for the outcome; `known` is for `run`.
         """
-        require_data(mesh, self.interpolate)
-        given = self.carry, self.interpolate, self.threads
+        names = require_data(mesh, self.interpolate)
+        given = self.carry, names, self.threads
         try:
             return carried(mesh, self.run(mesh, chosen, *known), *given)
         except Exception as error:
