@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -73,6 +73,11 @@ class FileContent:
         What was odd in the file and yet could be read rightly.
     geographic
         Whether the file says that its coordinates are longitudes and latitudes in degrees.
+    z_means
+        What z is by the format's definition: a value on a flat mesh, counted upwards ("height") or
+        downwards ("depth"); "" where it is a coordinate, or may be.
+    held
+        Vertices that stay, as more than their place hangs on them; or None.
     format, ending, data, slots, data_slots
         Where it comes from: name of the format, ending and bytes of the file, place of its
         coordinates and of its point data, by name, as far as that can be written back.
@@ -94,6 +99,8 @@ class FileContent:
     extras: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     geographic: bool = False
+    z_means: Literal["", "height", "depth"] = ""
+    held: IndexArray | None = None
     format: str = ""
     ending: str = ""
     data: bytes = b""
@@ -117,6 +124,11 @@ class FileContent:
         if self.points.shape[1] == 3 and not self.points[:, 2].any():
             return np.ascontiguousarray(self.points[:, :2])
         return self.points
+
+    def z(self, means: Literal["height", "depth"]) -> FloatArray:
+        """Give z, (n_vertices,), counted upwards or downwards; 0 where the file has none."""
+        z = self.points_3d[:, 2]
+        return 0.0 - z if self.z_means not in ("", means) else z
 
     def of_type(self, *kinds: str) -> list[tuple[IndexArray, IndexArray | None]]:
         """The cells and tags of each block of these types."""
@@ -197,8 +209,9 @@ class FileContent:
         mesh = Mesh(
             self.points,
             [self.blocks[b][1] for b in self.faces],
-            surface=surface,
+            surface="flat" if self.z_means else surface,
             regions=regions,
+            fixed=self.held,
         )
         return mesh.with_source(self, np.concatenate([np.empty((0, 2), np.int64), *lines]))
 

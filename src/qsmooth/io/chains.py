@@ -1,0 +1,70 @@
+"""Line cells as strings of vertices, and the boundary: what hydrodynamic formats list."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from qsmooth._types import FloatArray, IndexArray
+from qsmooth.io.file_content import FACES, FileContent
+
+
+def chains(edges: IndexArray) -> list[IndexArray]:
+    """Join edges, (k, 2), to strings of vertices along them; closed ones end as they begin.
+
+    Edges that follow each other stay together; each is run along once, and never backwards.
+    """
+    if not len(edges):
+        return []
+    cuts = np.flatnonzero(edges[1:, 0] != edges[:-1, 1]) + 1
+    pieces = [np.append(part[:, 0], part[-1, 1]) for part in np.split(edges, cuts)]
+    waiting: dict[int, list[int]] = {}
+    for p in reversed(range(len(pieces))):
+        waiting.setdefault(int(pieces[p][0]), []).append(p)
+    ends = {int(piece[-1]) for piece in pieces}
+    heads = [p for p, piece in enumerate(pieces) if int(piece[0]) not in ends]
+    taken = [False] * len(pieces)
+    found = []
+    for p in [*heads, *range(len(pieces))]:
+        if taken[p]:
+            continue
+        parts: list[IndexArray] = []
+        following: int | None = p
+        while following is not None:
+            taken[following] = True
+            parts.append(pieces[following] if not parts else pieces[following][1:])
+            others = waiting.get(int(parts[-1][-1]), [])
+            while others and taken[others[-1]]:
+                others.pop()
+            following = others.pop() if others else None
+        found.append(np.concatenate(parts))
+    return found
+
+
+def boundary_edges(content: FileContent) -> IndexArray:
+    """List the edges with one cell, (k, 2), each with the mesh on its left."""
+    parts = [np.empty((0, 2), np.int64)]
+    for cells, _ in content.of_type(*FACES):
+        turned = np.where(_areas(content.points, cells)[:, None] < 0.0, cells[:, ::-1], cells)
+        parts.append(np.stack((turned, np.roll(turned, -1, axis=1)), axis=-1).reshape(-1, 2))
+    edges = np.concatenate(parts)
+    low, high = edges.min(axis=1), edges.max(axis=1)
+    _, first, count = np.unique(
+        low * len(content.points) + high, return_index=True, return_counts=True
+    )
+    alone: IndexArray = edges[np.sort(first[count == 1])]
+    return alone
+
+
+def is_island(points: FloatArray, chain: IndexArray) -> bool:
+    """Whether a closed string with the mesh on its left runs around a hole."""
+    return bool(_areas(points, chain[None, :-1])[0] < 0.0)
+
+
+def _areas(points: FloatArray, cells: IndexArray) -> FloatArray:
+    """Twice the signed areas of polygons, (n_cells,)."""
+    corners = points[cells, :2]
+    corners = corners - corners[:, :1]
+    following = np.roll(corners, -1, axis=1)
+    cross = corners[..., 0] * following[..., 1] - corners[..., 1] * following[..., 0]
+    areas: FloatArray = cross.sum(axis=1)
+    return areas
