@@ -223,6 +223,39 @@ def ply_binary(order: str) -> bytes:
     return header.encode() + body
 
 
+def selafin(order: str = ">", size: int = 4, n_steps: int = 1, *, dated: bool = False) -> bytes:
+    """The quads of the plate, split into triangles, with two variables."""
+    triangles = [(0, 1, 4), (0, 4, 3), (1, 2, 5), (1, 5, 4), *TRIANGLES]
+    tag = {4: "SERAFIN ", 8: "SERAFIND"}[size]
+    real, n = f"f{size}", len(POINTS)
+
+    def record(values: object, kind: str = "i4") -> bytes:
+        raw = np.array(values).astype(order + kind).tobytes() if kind != "S" else values
+        mark = struct.pack(order + "i", len(raw))
+        return mark + raw + mark
+
+    parts = [record(f"{'plate':<72}{tag}".encode(), "S"), record([2, 0])]
+    parts += [record(f"{name:<16}{'M':<16}".encode(), "S") for name in ("BOTTOM", "WATER DEPTH")]
+    parts.append(record([1, *8 * [0], int(dated)]))
+    parts += [record([1900, 1, 1, 0, 0, 0])] if dated else []
+    parts += [record([len(triangles), n, 3, 1]), record(np.array(triangles) + 1)]
+    parts.append(record([1, 2, 3, 7, 6, 5, 4, 0]))
+    parts += [record(column, real) for column in np.transpose(POINTS)]
+    for step in range(n_steps):
+        parts.append(record([10.0 * step], real))
+        parts += [record(np.full(n, level + step), real) for level in (-2.5, 0.5)]
+    return b"".join(parts)
+
+
+# Files of formats that hold triangles or quads only, and so another mesh.
+ALONE = {
+    "big.slf": selafin(),
+    "little.sel": selafin("<", 8),
+    "steps.res": selafin(n_steps=3, dated=True),
+    "none.slf": selafin("<", n_steps=0),
+}
+
+
 def msh2_binary() -> bytes:
     nodes = b"".join(struct.pack("<iddd", i + 1, x, y, 0) for i, (x, y) in enumerate(POINTS))
     quads = b"".join(

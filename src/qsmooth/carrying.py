@@ -72,13 +72,14 @@ def carried(
     mesh
         What was smoothed.
     carry
-        What becomes of z of a flat mesh. What it is off by is told in either case.
+        What becomes of z of a flat mesh, and of point data that the file's format says belongs to
+        places. What z is off by is told in either case.
     names
-        Point data to interpolate; `require_data` has been asked.
+        Other point data to interpolate; `require_data` has been asked.
     """
     moved: BoolArray = (result.mesh.xy != mesh.xy).any(axis=1)
     flat = mesh.surface == "flat" and mesh.points.shape[1] == 3
-    names = tuple(names)
+    names = (*names, *_fields(mesh, names)) if carry == "interpolate" else tuple(names)
     if not moved.any() or not (flat or names):
         return result
     vertices = np.flatnonzero(moved)
@@ -108,6 +109,13 @@ def carried(
         outcome=replace(result.outcome, carried=tuple(records)),
         quality_after=after,
     )
+
+
+def _fields(mesh: Mesh, named: Iterable[str]) -> list[str]:
+    """Names of point data that is interpolated without being named."""
+    source, asked = mesh.source, set(named)
+    fields = source.fields if isinstance(source, FileContent) else ()
+    return [name for name in fields if name not in asked]
 
 
 def _point_data(mesh: Mesh) -> dict[str, Any]:

@@ -60,6 +60,28 @@ def is_island(points: FloatArray, chain: IndexArray) -> bool:
     return bool(_areas(points, chain[None, :-1])[0] < 0.0)
 
 
+def boundary_numbers(content: FileContent) -> IndexArray:
+    """Number the boundary's vertices from 1, (n_vertices,); 0 inside.
+
+    As TELEMAC does: around the outside counter-clockwise, then around islands clockwise, each from
+    the vertex of the least x + y.
+    """
+    found = np.zeros(len(content.points), np.int64)
+    loops = chains(boundary_edges(content))
+    loops.sort(key=lambda loop: is_island(content.points, loop))
+    n_found = 0
+    for loop in loops:
+        at = loop[:-1]
+        first = int(np.argmin(content.points[at, :2].sum(axis=1)))
+        at = np.roll(at, -first)
+        _, once = np.unique(at, return_index=True)  # a loop may touch itself
+        fresh = at[np.sort(once)]
+        fresh = fresh[found[fresh] == 0]
+        found[fresh] = n_found + 1 + np.arange(fresh.size)
+        n_found += fresh.size
+    return found
+
+
 def _areas(points: FloatArray, cells: IndexArray) -> FloatArray:
     """Twice the signed areas of polygons, (n_cells,)."""
     corners = points[cells, :2]

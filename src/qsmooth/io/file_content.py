@@ -76,6 +76,8 @@ class FileContent:
     z_means
         What z is by the format's definition: a value on a flat mesh, counted upwards ("height") or
         downwards ("depth"); "" where it is a coordinate, or may be.
+    fields
+        Names of point data that belong to places by the format's definition.
     held
         Vertices that stay, as more than their place hangs on them; or None.
     format, ending, data, slots, data_slots
@@ -100,6 +102,7 @@ class FileContent:
     notes: tuple[str, ...] = ()
     geographic: bool = False
     z_means: Literal["", "height", "depth"] = ""
+    fields: tuple[str, ...] = ()
     held: IndexArray | None = None
     format: str = ""
     ending: str = ""
