@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
 
 import numpy as np
 
-from qsmooth._types import IndexArray
+from qsmooth._types import BoolArray, IndexArray
 from qsmooth.io.chains import boundary_edges, chains, is_island
 from qsmooth.io.file_content import FACES, Block, FileContent
 from qsmooth.io.text import Text, blanked, blocks_by_id, finish, integers, positions, rows_of
@@ -27,6 +26,7 @@ BEGINNING = re.compile(
 )
 # What a boundary is by the last digit of its IBTYPE.
 WORDS = {0: "land", 1: "island", 2: "flux", 3: "barrier", 4: "weir", 5: "culvert"}
+OPEN = -1  # in place of an IBTYPE
 CLOSED, BARRIER, PAIRED = (1,), (3, 4, 5), (4, 5)
 
 
@@ -101,40 +101,23 @@ def _elements(text: Text, rows: IndexArray) -> tuple[list[Block], list[IndexArra
     return blocks, places
 
 
-@dataclass
-class _Section:
-    """One boundary: its rows, the first and the end, its type and its number among all."""
-
-    first: int
-    end: int
-    type: int
-    number: int
-
-    def is_any(self, kinds: tuple[int, ...]) -> bool:
-        """Whether its type ends so; those of open boundaries are -1."""
-        return self.type >= 0 and self.type % 10 in kinds
-
-
-@dataclass
 class _Sections:
     """The part after the elements: open boundaries, then those of land, by the ids of nodes."""
 
-    text: Text
-    rows: IndexArray
-    all: list[_Section] = field(default_factory=list)
-    names: dict[str, tuple[int, int]] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
-    extras: list[str] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        self.firsts = self.rows[:-1]
-        letters = np.frombuffer(self.text.data, np.uint8)[self.text.starts[self.firsts]]
+    def __init__(self, text: Text, rows: IndexArray) -> None:
+        self.text, self.rows, self.firsts = text, rows, rows[:-1]
+        letters = np.frombuffer(text.data, np.uint8)[text.starts[self.firsts]]
         numeric = (letters >= ord("0")) & (letters <= ord("9"))
         # What each row begins with, -1 where that is no count.
         self.leading = np.full(len(self.firsts), -1, np.int64)
-        self.leading[numeric] = self.text.numbers_at(self.firsts[numeric], np.int64)
+        self.leading[numeric] = text.numbers_at(self.firsts[numeric], np.int64)
         self.counts: list[int] = self.leading.tolist()
         self.row = 0
+        self.names: dict[str, tuple[int, int]] = {}
+        self.notes: list[str] = []
+        self.extras: list[str] = []
+        # Of each section the first row of its nodes, their number, and its type, OPEN or IBTYPE.
+        self.table = np.empty((0, 3), np.int64)
 
     def read(self) -> None:
         """Find all of them; a file may end before the first."""
@@ -143,19 +126,21 @@ class _Sections:
         for kind in ("open", "land"):
             n_sections = self.count(f"number of {kind} boundaries")
             total = self.count(f"number of nodes on {kind} boundaries")
-            first = len(self.all)
-            for number in range(1, n_sections + 1):
-                self.section(kind, number)
-            own = self.all[first:]
-            listed = sum(section.end - section.first for section in own)
-            twice = sum(s.end - s.first for s in own if s.is_any(PAIRED))
-            if total not in (listed, listed + twice):
+            table = np.array([self.section(kind) for _ in range(n_sections)], np.int64)
+            table = table.reshape(-1, 3)
+            listed = int(table[:, 1].sum())
+            if total not in (listed, listed + int(table[_ends(table, PAIRED), 1].sum())):
                 self.notes.append(
                     f"{total} nodes are declared on {kind} boundaries, {listed} are listed"
                 )
-        if any(section.type > 1 for section in self.all):
+            first = len(self.table) + 1
+            for number, ibtype in enumerate(table[:, 2].tolist()):
+                word = kind if ibtype == OPEN else WORDS.get(ibtype % 10, kind)
+                self.names[f"{word}_{number + 1}"] = (first + number, 1)
+            self.table = np.concatenate((self.table, table))
+        if (self.table[:, 2] > 1).any():
             self.extras.append("types of boundaries")
-        if any(section.is_any(BARRIER) for section in self.all):
+        if _ends(self.table, BARRIER).any():
             self.extras.append("figures of barriers")
         if self.row < len(self.counts):
             self.extras.append("text behind the boundaries")
@@ -168,72 +153,78 @@ class _Sections:
         self.row += 1
         return count
 
-    def section(self, kind: str, number: int) -> None:
-        """Read one boundary."""
-        n_nodes = self.count(f"number of nodes of {kind} boundary {number}")
+    def section(self, kind: str) -> tuple[int, int, int]:
+        """Read one boundary: a row of the table."""
+        n_nodes = self.count("number of nodes of a boundary")
         first = self.row
         self.row += n_nodes
-        if self.row > len(self.counts) or min(self.counts[first : self.row], default=0) < 0:
-            known = self.counts[first : self.row]
-            at = first + (known.index(-1) if -1 in known else len(known))
+        known = self.counts[first : self.row]
+        if len(known) < n_nodes or (known and min(known) < 0):
+            bad = first + (known.index(-1) if -1 in known else len(known))
             self.text.fail(
-                int(self.rows[at]), f"{kind} boundary {number} has {n_nodes} nodes, this is none"
+                int(self.rows[bad]),
+                f"{n_nodes} nodes of a boundary ({kind}) expected, this is none",
             )
-        section = _Section(first, self.row, -1, len(self.all) + 1)
-        if kind == "land":
-            token = int(self.firsts[first - 1]) + 1
-            word = self.text.word(token) if token < self.rows[first] else b""
-            section.type = int(word) if word.isdigit() else 0
-            kind = WORDS.get(section.type % 10, kind)
-        self.all.append(section)
-        self.names[f"{kind}_{number}"] = (section.number, 1)
+        if kind == "open":
+            return first, n_nodes, OPEN
+        token = int(self.firsts[first - 1]) + 1
+        word = self.text.word(token) if token < self.rows[first] else b""
+        return first, n_nodes, int(word[:9]) if word.isdigit() else 0
 
     def edges(self) -> tuple[IndexArray, IndexArray, IndexArray]:
         """Edges, (k, 2), the number of the section of each, and where its first node stands.
 
         Islands are closed; of weirs, which are slits of the mesh, there are both sides.
         """
-        pairs = self.partners()
-        nodes, marks, rows = [np.empty(0, np.int64)], [], [np.empty(0, np.int64)]
-        for section in self.all:
-            own = np.arange(section.first, section.end)
-            ids = self.leading[own]
-            if section.is_any(CLOSED) and ids.size > 2 and ids[0] != ids[-1]:
-                own = np.append(own, section.first)
-            for side in (self.leading, pairs) if section.is_any(PAIRED) else (self.leading,):
-                nodes.append(side[own])
-                rows.append(own)
-                marks.append(np.full(own.size, section.number))
-        if not marks:
-            return np.empty((0, 2), np.int64), np.empty(0, np.int64), np.empty(0, np.int64)
-        ids, at, mark = np.concatenate(nodes), np.concatenate(rows), np.concatenate(marks)
-        starts = np.cumsum([part.size for part in nodes[1:]])
-        wanted = np.ones(ids.size, np.bool_)
-        wanted[starts[starts > 0] - 1] = False  # none from one string to the next
-        wanted[:-1] &= ids[:-1] != ids[1:]
-        firsts = np.flatnonzero(wanted)
-        edges = np.stack((ids[firsts], ids[firsts + 1]), axis=1)
-        return edges, mark[firsts], self.text.starts[self.firsts[at[firsts]]]
+        table, pairs = self.table, self.partners()
+        first, length = table[:, 0], table[:, 1]
+        last = self.leading[np.maximum(first + length - 1, 0)] if len(table) else length
+        closing = _ends(table, CLOSED) & (length > 2)
+        closing[closing] = self.leading[first[closing]] != last[closing]
+        paired = _ends(table, PAIRED)
+        # Strings of nodes: one a section, and of weirs another one behind it.
+        section = np.repeat(np.arange(len(table)), 1 + paired)
+        across = np.zeros(len(section), np.bool_)
+        across[1:] = section[1:] == section[:-1]
+        lengths = (length + closing)[section]
+        string = np.repeat(np.arange(len(section)), lengths)
+        at = np.arange(len(string)) - np.repeat(np.cumsum(lengths) - lengths, lengths)
+        own = section[string]
+        rows = first[own] + np.where(at < length[own], at, 0)
+        nodes = np.where(across[string], pairs[rows], self.leading[rows])
+        joins = (string[1:] == string[:-1]) & (nodes[1:] != nodes[:-1])
+        begin = np.flatnonzero(joins)
+        edges = np.stack((nodes[begin], nodes[begin + 1]), axis=1)
+        return edges, own[begin] + 1, self.text.starts[self.firsts[rows[begin]]]
 
     def partners(self) -> IndexArray:
         """For each row of a weir the node across, else -1."""
         found = np.full(len(self.firsts), -1, np.int64)
-        parts = [np.arange(s.first, s.end) for s in self.all if s.is_any(PAIRED)]
-        if parts:
-            rows = np.concatenate(parts)
-            alone = rows[np.diff(self.rows)[rows] < 2]
-            if alone.size:
-                self.text.fail(int(self.firsts[alone[0]]), "a node of a weir needs one across")
-            found[rows] = self.text.numbers_at(self.firsts[rows] + 1, np.int64)
+        rows = self.rows_in(PAIRED)
+        alone = rows[np.diff(self.rows)[rows] < 2]
+        if alone.size:
+            self.text.fail(int(self.firsts[alone[0]]), "a node of a weir needs one across")
+        found[rows] = self.text.numbers_at(self.firsts[rows] + 1, np.int64)
         return found
+
+    def rows_in(self, kinds: tuple[int, ...]) -> IndexArray:
+        """Rows of the nodes of sections whose type ends so."""
+        own = self.table[_ends(self.table, kinds)]
+        starts = np.cumsum(own[:, 1]) - own[:, 1]
+        rows: IndexArray = np.arange(own[:, 1].sum()) + np.repeat(own[:, 0] - starts, own[:, 1])
+        return rows
 
     def held(self) -> IndexArray:
         """Nodes of barriers: figures hang on them, and on pairs of them."""
-        pairs = self.partners()
-        rows = [np.arange(s.first, s.end) for s in self.all if s.is_any(BARRIER)]
-        chosen = np.concatenate(rows) if rows else np.empty(0, np.int64)
-        across = pairs[chosen]
-        return np.concatenate((self.leading[chosen], across[across >= 0]))
+        rows = self.rows_in(BARRIER)
+        across = self.partners()[rows]
+        return np.concatenate((self.leading[rows], across[across >= 0]))
+
+
+def _ends(table: IndexArray, kinds: tuple[int, ...]) -> BoolArray:
+    """Mark the sections whose type ends so."""
+    ends: BoolArray = (table[:, 2] != OPEN) & np.isin(table[:, 2] % 10, kinds)
+    return ends
 
 
 def write(content: FileContent) -> bytes:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -176,10 +177,10 @@ def layout_of(data: bytes) -> Layout:
     counts = records.integers(2, "the numbers of variables")
     if min(counts) < 0 or sum(counts) * (VARIABLE + 2 * MARK) > len(data):
         raise MeshError(f"byte {records.pos}: there cannot be {sum(counts)} variables")
-    names: dict[str, None] = {}
+    names = []
     for _ in range(sum(counts)):
         begin = records.next(VARIABLE, "the name of a variable")
-        _add(names, data[begin : begin + LABEL].decode("latin-1").strip(" \0"))
+        names.append(data[begin : begin + LABEL].decode("latin-1").strip(" \0"))
     parameters = records.integers(10, "the parameters")
     if parameters[PLANES] > 1:
         raise MeshError(f"the file is 3D, of {parameters[PLANES]} planes; only 2D can be smoothed")
@@ -195,7 +196,16 @@ def layout_of(data: bytes) -> Layout:
     size = 8 if records.peek() == 8 * n_points else 4
     kind = KINDS[n_corners]
     layout = Layout(
-        records.order, size, tuple(names), n_points, kind, n_cells, cells_at, records.pos, 0, dated
+        records.order,
+        size,
+        _unique(names),
+        n_points,
+        kind,
+        n_cells,
+        cells_at,
+        records.pos,
+        0,
+        dated,
     )
     records.next(size * n_points, "x")
     records.next(size * n_points, "y")
@@ -210,10 +220,14 @@ def layout_of(data: bytes) -> Layout:
     return layout
 
 
-def _add(names: dict[str, None], name: str) -> None:
-    """Add a name, with a number behind it if it is there."""
-    unique, number = name, 1
-    while unique in names:
-        number += 1
-        unique = f"{name} ({number})"
-    names[unique] = None
+def _unique(names: list[str]) -> tuple[str, ...]:
+    """Names, with a number behind those that come again."""
+    found: dict[str, None] = {}
+    seen: Counter[str] = Counter()
+    for name in names:
+        unique = name
+        while unique in found:
+            seen[name] += 1
+            unique = f"{name} ({seen[name] + 1})"
+        found[unique] = None
+    return tuple(found)
