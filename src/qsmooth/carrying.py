@@ -73,14 +73,15 @@ def carried(
         What was smoothed.
     carry
         What becomes of z of a flat mesh, and of point data that the file's format says belongs to
-        places. What z is off by is told in either case.
+        places. What these are off by is told in either case.
     names
         Other point data to interpolate; `require_data` has been asked.
     """
     moved: BoolArray = (result.mesh.xy != mesh.xy).any(axis=1)
     flat = mesh.surface == "flat" and mesh.points.shape[1] == 3
-    names = (*names, *_fields(mesh, names)) if carry == "interpolate" else tuple(names)
-    if not moved.any() or not (flat or names):
+    names = tuple(names)
+    fields = _fields(mesh, names)
+    if not moved.any() or not (flat or names or fields):
         return result
     vertices = np.flatnonzero(moved)
     located = at_vertices(mesh, result.mesh.xy[vertices], vertices, threads)
@@ -92,14 +93,15 @@ def carried(
         if carry == "interpolate":
             points = result.mesh.points.copy()
             points[:, 2] = fresh
-    if names and isinstance(source, FileContent):
+    if (names or fields) and isinstance(source, FileContent):
         data = dict(source.point_data)
-        for name in names:
-            data[name], record = _interpolated(name, data[name], located, vertices)
-            records.append(record)
-        source = dataclasses.replace(
-            source, point_data=data, changed=source.changed | frozenset(names)
-        )
+        changed = set(names) if carry == "keep" else {*names, *fields}
+        for name in (*names, *fields):
+            fresh, record = _interpolated(name, data[name], located, vertices)
+            records.append(replace(record, interpolated=name in changed))
+            if name in changed:
+                data[name] = fresh
+        source = dataclasses.replace(source, point_data=data, changed=source.changed | changed)
     final = result.mesh.with_values(points, source)
     after = copy.copy(result.quality_after)
     after.points = final.points

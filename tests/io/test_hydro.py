@@ -258,6 +258,16 @@ def test_the_boundary_has_the_mesh_on_its_left_though_cells_run_clockwise():
         assert {(a, b) for a, b in edges.tolist()} == expected
 
 
+@pytest.mark.parametrize("name", ["a.2dm", "a.14", "mike", "selafin"])
+def test_cells_of_new_files_run_counter_clockwise(tmp_path, name):
+    points = np.round(POINTS[:6])
+    mesh = Mesh(points, [(3, 4, 1, 0), (1, 2, 5, 4)])
+    ending, form = (".out", name) if "." not in name else (name[1:], None)
+    write_mesh(tmp_path / f"a{ending}", mesh, format=form)
+    back = read_mesh(tmp_path / f"a{ending}", format=form)
+    assert back.cells[0].tolist() == [[3, 0, 1, 4], [1, 2, 5, 4]]
+
+
 def test_latin_1_and_other_cards_stay(put, tmp_path):
     content = SMS.encode().replace(b'"shore"', b'"K\xfcste"') + 'GP 1 "Kuste"\r\n'.encode("latin-1")
     mesh = read_mesh(put("a.2dm", content))

@@ -129,6 +129,12 @@ def test_variables_belong_to_places(put, tmp_path, n_steps, carry):
         np.testing.assert_allclose(back.source.point_data["BOTTOM"], expected, atol=2e-6)
         np.testing.assert_allclose(back.source.point_data["WATER DEPTH"], -expected, atol=2e-6)
         assert back.source.field_data["time"].tolist() == [0.5, 1.0, 1.5]
+    if carry == "keep":
+        said = "was carried along unchanged and is wrong by up to"
+        assert result.reason.count(said) == 2
+    else:
+        assert "values were interpolated in the input mesh, which changed " in result.reason
+    assert len(result.outcome.carried) == 2
     data = mesh.source.point_data
     for name, values in back.source.point_data.items():
         assert np.array_equal(values[~went], data[name][~went])
@@ -178,6 +184,15 @@ def test_data_of_points_become_variables(tmp_path, put):
         "roughness_of_the": 0.5,
         "mark": 7,
     }
+
+
+def test_an_origin_is_kept_and_said(put, tmp_path):
+    at = BIG.index(struct.pack(">2i", 40, 1)) + 12
+    data = changed(BIG, at, 500000)
+    mesh = read_mesh(put("a.slf", data))
+    assert mesh.source.extras == ("the origin of coordinates, [500000, 0]",)
+    write_mesh(tmp_path / "b.slf", mesh.with_points(np.round(mesh.points)))
+    assert (tmp_path / "b.slf").read_bytes()[: at + 4] == data[: at + 4]
 
 
 def changed(data: bytes, at: int, value: int) -> bytes:

@@ -8,7 +8,7 @@ import numpy as np
 
 from qsmooth._types import BoolArray, IndexArray
 from qsmooth.io.chains import boundary_edges, chains, is_island
-from qsmooth.io.file_content import FACES, Block, FileContent
+from qsmooth.io.file_content import Block, FileContent
 from qsmooth.io.text import Text, blanked, blocks_by_id, finish, integers, positions, rows_of
 
 NAME = "adcirc"
@@ -229,7 +229,7 @@ def _ends(table: IndexArray, kinds: tuple[int, ...]) -> BoolArray:
 
 def write(content: FileContent) -> bytes:
     """Write ADCIRC and SCHISM; line cells on the boundary become its sections."""
-    faces = content.of_type(*FACES)
+    faces = content.counter_clockwise()
     n, n_faces = len(content.points), sum(len(cells) for cells, _ in faces)
     lines = ["mesh", f"{n_faces} {n} ! number of elements, nodes"]
     xyz = np.column_stack((content.points[:, :2], content.z("depth")))

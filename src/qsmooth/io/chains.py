@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from qsmooth._types import FloatArray, IndexArray
-from qsmooth.io.file_content import FACES, FileContent
+from qsmooth.io.file_content import FileContent
 
 
 def chains(edges: IndexArray) -> list[IndexArray]:
@@ -42,11 +42,12 @@ def chains(edges: IndexArray) -> list[IndexArray]:
 
 def boundary_edges(content: FileContent) -> IndexArray:
     """List the edges with one cell, (k, 2), each with the mesh on its left."""
-    parts = [np.empty((0, 2), np.int64)]
-    for cells, _ in content.of_type(*FACES):
-        turned = np.where(_areas(content.points, cells)[:, None] < 0.0, cells[:, ::-1], cells)
-        parts.append(np.stack((turned, np.roll(turned, -1, axis=1)), axis=-1).reshape(-1, 2))
-    edges = np.concatenate(parts)
+    edges = np.concatenate(
+        [
+            np.stack((cells, np.roll(cells, -1, axis=1)), axis=-1).reshape(-1, 2)
+            for cells, _ in content.counter_clockwise()
+        ]
+    )
     low, high = edges.min(axis=1), edges.max(axis=1)
     _, first, count = np.unique(
         low * len(content.points) + high, return_index=True, return_counts=True
@@ -57,7 +58,8 @@ def boundary_edges(content: FileContent) -> IndexArray:
 
 def is_island(points: FloatArray, chain: IndexArray) -> bool:
     """Whether a closed string with the mesh on its left runs around a hole."""
-    return bool(_areas(points, chain[None, :-1])[0] < 0.0)
+    x, y = (points[chain, :2] - points[chain[0], :2]).T
+    return bool((x[:-1] * y[1:] - x[1:] * y[:-1]).sum() < 0.0)
 
 
 def boundary_numbers(content: FileContent) -> IndexArray:
@@ -80,13 +82,3 @@ def boundary_numbers(content: FileContent) -> IndexArray:
         found[fresh] = n_found + 1 + np.arange(fresh.size)
         n_found += fresh.size
     return found
-
-
-def _areas(points: FloatArray, cells: IndexArray) -> FloatArray:
-    """Twice the signed areas of polygons, (n_cells,)."""
-    corners = points[cells, :2]
-    corners = corners - corners[:, :1]
-    following = np.roll(corners, -1, axis=1)
-    cross = corners[..., 0] * following[..., 1] - corners[..., 1] * following[..., 0]
-    areas: FloatArray = cross.sum(axis=1)
-    return areas

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from qsmooth._types import FloatArray, IndexArray
+from qsmooth._types import BoolArray, FloatArray, IndexArray
 from qsmooth.checks import counted
 from qsmooth.errors import MeshError
 from qsmooth.io.in_place import InPlace, Slots
@@ -80,6 +80,9 @@ class FileContent:
         Names of point data that belong to places by the format's definition.
     held
         Vertices that stay, as more than their place hangs on them; or None.
+    turned
+        Which of the triangles and quads, one block after the other, run clockwise; or None where
+        that is not known.
     format, ending, data, slots, data_slots
         Where it comes from: name of the format, ending and bytes of the file, place of its
         coordinates and of its point data, by name, as far as that can be written back.
@@ -104,6 +107,7 @@ class FileContent:
     z_means: Literal["", "height", "depth"] = ""
     fields: tuple[str, ...] = ()
     held: IndexArray | None = None
+    turned: BoolArray | None = None
     format: str = ""
     ending: str = ""
     data: bytes = b""
@@ -140,6 +144,17 @@ class FileContent:
             for b, (kind, cells) in enumerate(self.blocks)
             if kind in kinds
         ]
+
+    def counter_clockwise(self) -> list[tuple[IndexArray, IndexArray | None]]:
+        """Give the cells and tags of each block of triangles or quads, all turned to run alike."""
+        found, first = [], 0
+        for cells, tags in self.of_type(*FACES):
+            if self.turned is not None:
+                turned = self.turned[first : first + len(cells), None]
+                cells = np.where(turned, np.roll(cells[:, ::-1], 1, axis=1), cells)
+            first += len(cells)
+            found.append((cells, tags))
+        return found
 
     def check(self) -> None:
         """Refuse types that cannot be smoothed and vertices that do not exist.
@@ -247,19 +262,20 @@ def of_mesh(mesh: Mesh) -> FileContent:
     """FileContent with the mesh's present points: what its file held besides, if it had one."""
     source = mesh.source
     points = np.array(mesh.points)
+    turned = mesh.topology.turned
     if isinstance(source, FileContent):
         fields = {
             key: value
             for key, value in vars(source).items()
             if key not in ("data", "slots", "data_slots")
         }
-        return FileContent(**{**fields, "points": points})
+        return FileContent(**{**fields, "points": points, "turned": turned})
     blocks = [("triangle" if cells.shape[1] == 3 else "quad", cells) for cells in mesh.cells]
     tags = None
     if mesh.regions is not None:
         ends = np.cumsum([len(cells) for _, cells in blocks])
         tags = np.split(np.asarray(mesh.regions), ends[:-1])
-    return FileContent(points, blocks, tags)
+    return FileContent(points, blocks, tags, turned=turned)
 
 
 def region_tags(cell_data: Mapping[str, list[Any]], blocks: list[Block]) -> list[IndexArray] | None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from qsmooth._types import IndexArray
 from qsmooth.io.chains import boundary_edges
-from qsmooth.io.file_content import FACES, Block, FileContent
+from qsmooth.io.file_content import Block, FileContent
 from qsmooth.io.text import Text, blocks_by_id, finish, integers, rows_of, runs
 
 NAME = "mike"
@@ -106,7 +106,7 @@ def write(content: FileContent) -> bytes:
     projection = "LONG/LAT" if content.geographic else LOCAL
     lines = [f"{BATHYMETRY} {METRES} {n} {projection}"]
     lines += rows_of(np.arange(1, n + 1), xyz, codes)
-    faces = [cells for cells, _ in content.of_type(*FACES)]
+    faces = [cells for cells, _ in content.counter_clockwise()]
     n_most = max(cells.shape[1] for cells in faces)
     kind = TRIANGLES if n_most == 3 else MIXED
     lines.append(f"{sum(map(len, faces))} {n_most} {kind}")

@@ -10,7 +10,7 @@ import numpy as np
 from qsmooth._types import BoolArray, FloatArray
 from qsmooth.errors import MeshError, MeshWarning
 from qsmooth.io.chains import boundary_numbers
-from qsmooth.io.file_content import FACES, FileContent
+from qsmooth.io.file_content import FileContent
 from qsmooth.io.selafin_layout import (
     BOTTOM,
     KINDS,
@@ -57,7 +57,7 @@ def read(data: bytes) -> FileContent:
         point_data=point_data,
         field_data={TIME: times} if times.size > 1 or times.any() else {},
         fields=tuple(point_data),
-        extras=("the date",) if layout.dated else (),
+        extras=layout.extras,
         z_means="height",
         slots=PointSlots(),
         data_slots=dict(data_slots),
@@ -156,7 +156,7 @@ def write(content: FileContent) -> bytes:
     MeshError
         If there are triangles and quads: the format has cells of one size.
     """
-    faces = [cells for cells, _ in content.of_type(*FACES)]
+    faces = [cells for cells, _ in content.counter_clockwise()]
     n_quads, n_triangles = (sum(len(c) for c in faces if c.shape[1] == n) for n in (4, 3))
     if n_quads and n_triangles:
         raise MeshError(
@@ -178,9 +178,7 @@ def write(content: FileContent) -> bytes:
     head.append(boundary_numbers(content).astype(">i4").tobytes())
     marks = [len(part).to_bytes(MARK, "big") for part in head]
     buffer = bytearray(b"".join(m + part + m for m, part in zip(marks, head, strict=True)))
-    layout = Layout(
-        ">", size, tuple(tables), n, "", len(cells), 0, len(buffer), len(times), dated=False
-    )
+    layout = Layout(">", size, tuple(tables), n, "", len(cells), 0, len(buffer), len(times))
     buffer += bytes(layout.end - len(buffer))
     _fill_marks(buffer, layout)
     layout.coordinates(buffer)[:] = content.points[:, :2].T

@@ -17,8 +17,8 @@ KINDS = {2: "line", 3: "triangle", 4: "quad", 6: "wedge"}
 # Names of the bed's level, in English and in French.
 BOTTOM = ("BOTTOM", "FOND")
 MARK = 4  # bytes of the length that stands before and after each record
-# Entries of IPARAM, from 0: planes of a 3D file, whether a date follows.
-PLANES, DATE = 6, 9
+# Entries of IPARAM, from 0: what to add to x and y, planes of a 3D file, whether a date follows.
+ORIGIN, PLANES, DATE = slice(2, 4), 6, 9
 
 
 def order_of(head: bytes) -> str:
@@ -45,8 +45,8 @@ class Layout:
         Byte at which the record of x begins; that of y follows, then the steps.
     n_steps
         Of each the time is stored, then every variable.
-    dated
-        Whether the file has a date.
+    extras
+        What else the file has, in words.
     """
 
     order: str
@@ -58,7 +58,7 @@ class Layout:
     cells_at: int
     x_at: int
     n_steps: int
-    dated: bool
+    extras: tuple[str, ...] = ()
 
     @property
     def record(self) -> int:
@@ -184,8 +184,12 @@ def layout_of(data: bytes) -> Layout:
     parameters = records.integers(10, "the parameters")
     if parameters[PLANES] > 1:
         raise MeshError(f"the file is 3D, of {parameters[PLANES]} planes; only 2D can be smoothed")
-    if dated := parameters[DATE] == 1:
+    extras = []
+    if any(parameters[ORIGIN]):
+        extras.append(f"the origin of coordinates, {parameters[ORIGIN]}")
+    if parameters[DATE] == 1:
         records.integers(6, "the date")
+        extras.append("the date")
     n_cells, n_points, n_corners, _ = records.integers(4, "the numbers of elements and points")
     if n_corners not in KINDS or min(n_cells, n_points) < 1:
         raise MeshError(
@@ -205,7 +209,7 @@ def layout_of(data: bytes) -> Layout:
         cells_at,
         records.pos,
         0,
-        dated,
+        tuple(extras),
     )
     records.next(size * n_points, "x")
     records.next(size * n_points, "y")

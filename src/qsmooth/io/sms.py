@@ -8,7 +8,7 @@ import numpy as np
 
 from qsmooth._types import BoolArray, IndexArray
 from qsmooth.io.chains import chains
-from qsmooth.io.file_content import FACES, Block, FileContent
+from qsmooth.io.file_content import Block, FileContent
 from qsmooth.io.text import Text, blocks_by_id, finish, integers, rows_of
 
 NAME = "2dm"
@@ -217,7 +217,7 @@ def write(content: FileContent) -> bytes:
     """Write SMS; line cells become node strings, a number each for those of one tag."""
     lines = ["MESH2D", 'MESHNAME "mesh"', "NUM_MATERIALS_PER_ELEM 1"]
     first = 1
-    for cells, tags in content.of_type(*FACES):
+    for cells, tags in content.counter_clockwise():
         card = "E3T" if cells.shape[1] == 3 else "E4Q"
         numbers = np.arange(first, first + len(cells))
         materials = np.full(len(cells), NO_MATERIAL) if tags is None else tags
