@@ -268,6 +268,16 @@ def test_cells_of_new_files_run_counter_clockwise(tmp_path, name):
     assert back.cells[0].tolist() == [[3, 0, 1, 4], [1, 2, 5, 4]]
 
 
+def test_a_tilted_plane_is_said_to_be_lost(tmp_path):
+    xy = np.array(POINTS[:6], float)
+    tilted = Mesh(np.column_stack((xy, xy[:, 0])), [(0, 1, 4, 3), (1, 2, 5, 4)])
+    with pytest.warns(MeshWarning, match="the tilt of the mesh's plane"):
+        write_mesh(tmp_path / "a.2dm", tilted)
+    flat = Mesh(tilted.points, tilted.cells, surface="flat")
+    write_mesh(tmp_path / "b.2dm", flat)
+    assert np.array_equal(read_mesh(tmp_path / "b.2dm").points, flat.points)
+
+
 def test_latin_1_and_other_cards_stay(put, tmp_path):
     content = SMS.encode().replace(b'"shore"', b'"K\xfcste"') + 'GP 1 "Kuste"\r\n'.encode("latin-1")
     mesh = read_mesh(put("a.2dm", content))

@@ -13,7 +13,7 @@ from qsmooth.io.text import Text, blanked, blocks_by_id, finish, integers, posit
 
 NAME = "adcirc"
 ENDINGS = (".14", ".grd", ".gr3")
-HOLDS = frozenset(("z", "line"))
+HOLDS = frozenset(("level", "line"))
 
 KINDS = {2: "line", 3: "triangle", 4: "quad"}
 COMMENT = rb"![^\r\n]*"

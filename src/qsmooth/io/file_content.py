@@ -83,6 +83,8 @@ class FileContent:
     turned
         Which of the triangles and quads, one block after the other, run clockwise; or None where
         that is not known.
+    tilted
+        Whether the mesh lies in another plane than that of x and y.
     format, ending, data, slots, data_slots
         Where it comes from: name of the format, ending and bytes of the file, place of its
         coordinates and of its point data, by name, as far as that can be written back.
@@ -108,6 +110,7 @@ class FileContent:
     fields: tuple[str, ...] = ()
     held: IndexArray | None = None
     turned: BoolArray | None = None
+    tilted: bool = False
     format: str = ""
     ending: str = ""
     data: bytes = b""
@@ -236,7 +239,9 @@ class FileContent:
     def losses(self, holds: frozenset[str]) -> list[str]:
         """What a format that holds only `holds` cannot keep, in words."""
         lost = []
-        if "z" not in holds and self.plain_points.shape[1] == 3:
+        if "level" in holds and self.tilted:
+            lost.append("the tilt of the mesh's plane, as z is a value there")
+        if not holds & {"z", "level"} and self.plain_points.shape[1] == 3:
             lost.append("z coordinates")
         for kind, name in (("line", "line"), ("vertex", "point")):
             count = sum(len(cells) for cells, _ in self.of_type(kind))
@@ -261,21 +266,24 @@ class FileContent:
 def of_mesh(mesh: Mesh) -> FileContent:
     """FileContent with the mesh's present points: what its file held besides, if it had one."""
     source = mesh.source
-    points = np.array(mesh.points)
-    turned = mesh.topology.turned
+    own: dict[str, Any] = {
+        "points": np.array(mesh.points),
+        "turned": mesh.topology.turned,
+        "tilted": mesh.plane is not None,
+    }
     if isinstance(source, FileContent):
         fields = {
             key: value
             for key, value in vars(source).items()
             if key not in ("data", "slots", "data_slots")
         }
-        return FileContent(**{**fields, "points": points, "turned": turned})
+        return FileContent(**{**fields, **own})
     blocks = [("triangle" if cells.shape[1] == 3 else "quad", cells) for cells in mesh.cells]
     tags = None
     if mesh.regions is not None:
         ends = np.cumsum([len(cells) for _, cells in blocks])
         tags = np.split(np.asarray(mesh.regions), ends[:-1])
-    return FileContent(points, blocks, tags, turned=turned)
+    return FileContent(blocks=blocks, tags=tags, **own)
 
 
 def region_tags(cell_data: Mapping[str, list[Any]], blocks: list[Block]) -> list[IndexArray] | None:

@@ -13,7 +13,7 @@ from qsmooth.io.text import Text, blocks_by_id, finish, integers, rows_of, runs
 
 NAME = "mike"
 ENDINGS = (".mesh",)
-HOLDS = frozenset(("z",))
+HOLDS = frozenset(("level",))
 
 # EUM numbers, item and unit, in the newer header; the number of nodes; the projection.
 HEADER = re.compile(rb"\s*(?:\d+[ \t]+\d+[ \t]+)?(\d+)[ \t]+([^\s\d][^\r\n]*?)[ \t]*(?:[\r\n]|$)")

@@ -24,7 +24,7 @@ from qsmooth.io.selafin_layout import (
 
 NAME = "selafin"
 ENDINGS = (".slf", ".sel", ".res")
-HOLDS = frozenset(("z", "point_data"))
+HOLDS = frozenset(("level", "point_data"))
 
 TAG = 8  # last bytes of the title, which tell the precision
 SINGLE, DOUBLE = b"SERAFIN ", b"SERAFIND"

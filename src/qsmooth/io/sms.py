@@ -13,7 +13,7 @@ from qsmooth.io.text import Text, blocks_by_id, finish, integers, rows_of
 
 NAME = "2dm"
 ENDINGS = (".2dm",)
-HOLDS = frozenset(("z", "line", "vertex", "regions", "names"))
+HOLDS = frozenset(("level", "line", "vertex", "regions", "names"))
 
 ELEMENTS = {
     b"E2L": ("line", 2),
