@@ -116,6 +116,27 @@ MFEM = (
     "7 3 0 1 4 3\n8 3 1 2 5 4\n8 2 2 6 5\n\nboundary\n1\n9 1 0 1\n\nvertices\n8\n2\n"
     + "".join(f"{x} {y}\n" for x, y in POINTS)
 )
+SMS = (
+    'MESH2D # by hand\nMESHNAME "plate # 1"\nNUM_MATERIALS_PER_ELEM 1\n'
+    "E4Q 1 5 15 45 35 7\nE4Q 2 15 25 55 45 8 0.5\nE3T 3 25 65 55 8\n"
+    + "".join(f"ND {10 * i + 5} {x} {y} -2.5\n" for i, (x, y) in enumerate(POINTS))
+    + 'NS 5 15\nNS -25 9 "shore"\nNS -75 3\nBEGPARAMDEF\nMAT 7 "left part"\nENDPARAMDEF\n'
+    'BEGCURVE Version: 1\nXYS 1 2 "Curve"\n0.0 1.0\n6.0 2.0\nENDCURVE\n'
+)
+ADCIRC = (
+    "plate ! by hand\n3 8 ! elements, nodes\n"
+    + "".join(f"{10 * i + 5} {x} {y} 2.5D0\n" for i, (x, y) in enumerate(POINTS))
+    + "1 4 5 15 45 35\n2 4 15 25 55 45\n3 3 25 65 55\n! boundaries\n"
+    "1 = Number of open boundaries\n2 = Total number of open boundary nodes\n2 = Number of nodes\n"
+    "5\n15\n1 = Number of land boundaries\n2 = Total\n2 20 = Number of nodes for land boundary 1\n"
+    "15\n25\n"
+)
+MIKE = (
+    "100079 1000 8 UTM-33\n"
+    + "".join(f"{10 * i + 5} {x} {y} -2.5 {i % 2}\n" for i, (x, y) in enumerate(POINTS))
+    + "3 4 25\n1 5 15 45 35\n2 15 25 55 45\n3 25 65 55 0\n"
+)
+OLD_MIKE = MIKE.replace("100079 1000 8", "8").replace("55 0\n", "55\n")
 
 
 def vtu_arrays(points: str, cells: tuple[str, str, str], head: str = "") -> str:
@@ -202,6 +223,39 @@ def ply_binary(order: str) -> bytes:
     return header.encode() + body
 
 
+def selafin(order: str = ">", size: int = 4, n_steps: int = 1, *, dated: bool = False) -> bytes:
+    """The quads of the plate, split into triangles, with two variables."""
+    triangles = [(0, 1, 4), (0, 4, 3), (1, 2, 5), (1, 5, 4), *TRIANGLES]
+    tag = {4: "SERAFIN ", 8: "SERAFIND"}[size]
+    real, n = f"f{size}", len(POINTS)
+
+    def record(values: object, kind: str = "i4") -> bytes:
+        raw = np.array(values).astype(order + kind).tobytes() if kind != "S" else values
+        mark = struct.pack(order + "i", len(raw))
+        return mark + raw + mark
+
+    parts = [record(f"{'plate':<72}{tag}".encode(), "S"), record([2, 0])]
+    parts += [record(f"{name:<16}{'M':<16}".encode(), "S") for name in ("BOTTOM", "WATER DEPTH")]
+    parts.append(record([1, *8 * [0], int(dated)]))
+    parts += [record([1900, 1, 1, 0, 0, 0])] if dated else []
+    parts += [record([len(triangles), n, 3, 1]), record(np.array(triangles) + 1)]
+    parts.append(record([1, 2, 3, 7, 6, 5, 4, 0]))
+    parts += [record(column, real) for column in np.transpose(POINTS)]
+    for step in range(n_steps):
+        parts.append(record([10.0 * step], real))
+        parts += [record(np.full(n, level + step), real) for level in (-2.5, 0.5)]
+    return b"".join(parts)
+
+
+# Files of formats that hold triangles or quads only, and so another mesh.
+ALONE = {
+    "big.slf": selafin(),
+    "little.sel": selafin("<", 8),
+    "steps.res": selafin(n_steps=3, dated=True),
+    "none.slf": selafin("<", n_steps=0),
+}
+
+
 def msh2_binary() -> bytes:
     nodes = b"".join(struct.pack("<iddd", i + 1, x, y, 0) for i, (x, y) in enumerate(POINTS))
     quads = b"".join(
@@ -256,6 +310,11 @@ FILES: dict[str, tuple[str | bytes, list[int] | None, int]] = {
     "ucd.inp": (UCD, [7, 8, 8], 1),
     "medit.mesh": (MEDIT, [7, 8, 8], 1),
     "mfem.mesh": (MFEM, [7, 8, 8], 1),
+    "a.2dm": (SMS, [7, 8, 8], 2),
+    "fort.14": (ADCIRC, [1, 1, 1], 2),
+    "a.gr3": (ADCIRC[: ADCIRC.index("! bound")], None, 0),
+    "mike.mesh": (MIKE, None, 0),
+    "oldmike.mesh": (OLD_MIKE, None, 0),
 }
 TEXT = [name for name, (content, _, _) in FILES.items() if isinstance(content, str)]
 

@@ -78,14 +78,16 @@ def carried(
     mesh
         What was smoothed.
     carry
-        What becomes of z of a flat mesh. What it is off by is told in either case.
+        What becomes of z of a flat mesh, and of point data that the file's format says belongs to
+        places. What these are off by is told in either case.
     names
-        Point data to interpolate; `require_data` has been asked.
+        Other point data to interpolate; `require_data` has been asked.
     """
     moved: BoolArray = (result.mesh.xy != mesh.xy).any(axis=1)
     flat = mesh.surface == "flat" and mesh.points.shape[1] == 3
     names = tuple(names)
-    if not moved.any() or not (flat or names):
+    fields = _fields(mesh, names)
+    if not moved.any() or not (flat or names or fields):
         return result
     vertices = np.flatnonzero(moved)
     located = at_vertices(mesh, result.mesh.xy[vertices], vertices, threads)
@@ -97,14 +99,15 @@ def carried(
         if carry == "interpolate":
             points = result.mesh.points.copy()
             points[:, 2] = fresh
-    if names and isinstance(source, FileContent):
+    if (names or fields) and isinstance(source, FileContent):
         data = dict(source.point_data)
-        for name in names:
-            data[name], record = _interpolated(name, data[name], located, vertices)
-            records.append(record)
-        source = dataclasses.replace(
-            source, point_data=data, changed=source.changed | frozenset(names)
-        )
+        changed = set(names) if carry == "keep" else {*names, *fields}
+        for name in (*names, *fields):
+            fresh, record = _interpolated(name, data[name], located, vertices)
+            records.append(replace(record, interpolated=name in changed))
+            if name in changed:
+                data[name] = fresh
+        source = dataclasses.replace(source, point_data=data, changed=source.changed | changed)
     final = result.mesh.with_values(points, source)
     after = copy.copy(result.quality_after)
     after.points = final.points
@@ -159,6 +162,13 @@ class Depths:
             located = at_vertices(self._mesh.with_points(points), places[lost], lost, 1)
             fresh[lost] = located.onto(self._given[:, None], lost)[lost, 0]
         return fresh
+
+
+def _fields(mesh: Mesh, named: Iterable[str]) -> list[str]:
+    """Names of point data that is interpolated without being named."""
+    source, asked = mesh.source, set(named)
+    fields = source.fields if isinstance(source, FileContent) else ()
+    return [name for name in fields if name not in asked]
 
 
 def _point_data(mesh: Mesh) -> dict[str, Any]:

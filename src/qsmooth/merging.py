@@ -283,6 +283,8 @@ def _renumbered(mesh: Mesh, stays: BoolArray, ids: IndexArray) -> Mesh:
             name: np.unique(ids[np.asarray(members)]) for name, members in source.point_sets.items()
         },
         changed=frozenset(),
+        held=None if source.held is None else np.unique(ids[source.held]),
+        turned=None,
         data=b"",
         slots=None,
         data_slots={},

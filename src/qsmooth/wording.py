@@ -39,6 +39,8 @@ _TARGETS = {
 }
 # An outline that has moved by less than this share of an edge has not.
 ROUNDING = 1e-9
+# So many of the values that belong to places are named.
+MOST_NAMED = 5
 UNCHANGED = "already as good as this method gets: unchanged"
 
 
@@ -68,7 +70,7 @@ def reason(outcome: Outcome, *, spell: Callable[[str], str] = str, limits: bool 
     parts += _without_effect(outcome.sliding)
     parts += [*_given_up(outcome, spell), *_why(outcome, spell)]
     parts += _not_valid(outcome)
-    parts += [_carried(record, spell) for record in outcome.carried if record.largest > 0.0]
+    parts += _carried([record for record in outcome.carried if record.largest > 0.0], spell)
     if limits and outcome.limits is not None:
         parts += str(outcome.limits).splitlines()
     return "; ".join(parts)
@@ -307,18 +309,32 @@ def _not_valid(outcome: Outcome) -> list[str]:
     return []
 
 
-def _carried(record: Carried, spell: Callable[[str], str]) -> str:
-    """What became of a value that belongs to places."""
-    error = f"by up to {record.largest:.3g} (root mean square {record.rms:.3g})"
-    if record.interpolated:
-        return (
-            f"{record.name} was interpolated in the input mesh, which changed it {error}: carried "
-            "along unchanged it would be wrong by that"
+def _carried(records: list[Carried], spell: Callable[[str], str]) -> list[str]:
+    """What became of values that belong to places."""
+    found = [record for record in records if record.interpolated]
+    parts = []
+    if len(found) == 1:
+        parts.append(
+            f"{found[0].name} was interpolated in the input mesh, which changed it "
+            f"{_error(found[0])}: carried along unchanged it would be wrong by that"
         )
-    return (
-        f"{record.name} was carried along unchanged and is wrong {error}; "
+    elif found:
+        named = ", ".join(f"{record.name} {_error(record)}" for record in found[:MOST_NAMED])
+        more = f" and {len(found) - MOST_NAMED} more" if len(found) > MOST_NAMED else ""
+        parts.append(
+            f"values were interpolated in the input mesh, which changed {named}{more}: carried "
+            "along unchanged they would be wrong by that"
+        )
+    return parts + [
+        f"{record.name} was carried along unchanged and is wrong {_error(record)}; "
         f"{spell('carry=' + repr('interpolate'))} mends that"
-    )
+        for record in records
+        if not record.interpolated
+    ]
+
+
+def _error(record: Carried) -> str:
+    return f"by up to {record.largest:.3g} (root mean square {record.rms:.3g})"
 
 
 def _stays_invalid(invalid: Invalid) -> str:

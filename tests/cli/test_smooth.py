@@ -377,7 +377,7 @@ def test_smooth_shows_the_limits_on_lines_of_their_own(call, mesh_file, tmp_path
 @pytest.mark.parametrize("command", ["smooth", "untangle"])
 def test_unknown_endings_are_refused_before_the_work(fails, call, mesh_file, tmp_path, command):
     message = fails(command, mesh_file, "-o", tmp_path / "out.ofg")
-    assert "unknown ending '.ofg', known are .avs, " in message
+    assert "unknown ending '.ofg', known are " in message
     assert message.endswith("; did you mean '.off'?")
     assert not (tmp_path / "out.ofg").exists()
     assert "unknown format 'oof'" in fails(

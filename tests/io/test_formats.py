@@ -25,6 +25,9 @@ from qsmooth.io import format_of, format_records, formats, own_formats, read_mes
 from qsmooth.io.registry import named
 from qsmooth.mesh import Mesh
 
+# Formats that hold triangles and quads in one file.
+MIXED = [form.NAME for form in own_formats() if form.NAME != "selafin"]
+
 
 def is_float32(name: str) -> bool:
     return b"Float32" in content_of(name) or name in ("binary.vtk", "little.ply", "big.ply")
@@ -88,7 +91,7 @@ def test_writing_back_keeps_every_other_byte(put, tmp_path, name):
 
 
 @pytest.mark.parametrize("name", FILES)
-@pytest.mark.parametrize("form", [form.NAME for form in own_formats()])
+@pytest.mark.parametrize("form", MIXED)
 def test_conversion(put, tmp_path, name, form):
     """Vertices, cells and, where both have them, regions and lines go over."""
     mesh = move(read_mesh(put(name, content_of(name))))
@@ -132,7 +135,7 @@ def test_gmsh_keeps_names_and_lines_of_su2(put, tmp_path):
     assert b"MARKER_TAG= shore\nMARKER_ELEMS= 2\n" in (tmp_path / "b.su2").read_bytes()
 
 
-@pytest.mark.parametrize("ending", sorted({e for form in own_formats() for e in form.ENDINGS}))
+@pytest.mark.parametrize("ending", sorted({e for form in MIXED for e in named(form).ENDINGS}))
 def test_mesh_from_arrays_to_every_ending(tmp_path, ending):
     mesh = Mesh(np.array(POINTS, float) / 3, [np.array(QUADS), np.array(TRIANGLES)])
     path = tmp_path / f"a{ending}"
@@ -183,15 +186,15 @@ def test_other_formats_come_through_meshio(tmp_path, name, ending):
 
 
 def test_unknown_format(put):
-    with pytest.raises(MeshError, match=r"unknown ending '\.xyz', known are \.avs, .*\.off, .*"):
+    with pytest.raises(MeshError, match=r"unknown ending '\.xyz', known are .*\.avs, .*\.off, .*"):
         read_mesh(put("a.xyz", "garbage"))
     with pytest.raises(
         MeshError, match=r"known are .*; did you mean '\.off'\?, and it begins like"
     ):
         read_mesh(put("a.oof", "garbage"))
-    with pytest.raises(MeshError, match=r"its name has no ending, known are \.avs, .*begins like"):
+    with pytest.raises(MeshError, match=r"its name has no ending, known are .*\.avs, .*begins like"):
         read_mesh(put("garbage", "garbage"))
-    with pytest.raises(MeshError, match=r"unknown format 'of', known are abaqus.*mean 'off'\?"):
+    with pytest.raises(MeshError, match=r"unknown format 'of', known are .*abaqus.*mean 'off'\?"):
         read_mesh(put("a.off", OFF), format="of")
     with pytest.raises(MeshError, match="unknown format 'xyz'"):
         read_mesh(put("a.off", OFF), format="xyz")
@@ -209,7 +212,7 @@ def test_an_ending_that_says_nothing_is_no_way_to_the_format_of_the_source(put, 
         write_mesh(tmp_path / name, mesh)
         assert (tmp_path / name).read_text() == OBJ
     for name in ("out.xyz", "out.ojb"):
-        with pytest.raises(MeshError, match=r"unknown ending '\.\w+', known are \.avs, "):
+        with pytest.raises(MeshError, match=r"unknown ending '\.\w+', known are .*\.avs, "):
             write_mesh(tmp_path / name, mesh)
         assert not (tmp_path / name).exists()
     assert format_of(tmp_path / "out.xyz", mesh, format="off") == "off"

@@ -11,7 +11,7 @@ import zlib
 import numpy as np
 import pytest
 
-from format_samples import ABAQUS, SU2, TEXT_CELLS, UCD, VTK, XYZ, vtu_arrays
+from format_samples import ABAQUS, ADCIRC, SMS, SU2, TEXT_CELLS, UCD, VTK, XYZ, vtu_arrays
 from qsmooth.errors import MeshError
 from qsmooth.io import read_mesh
 
@@ -169,6 +169,24 @@ def test_a_card_for_each_element_is_read_in_time(put):
     read_mesh(put("warm.inp", ABAQUS))
     mesh = read_within_limits(put("cards.inp", one_card_an_element()))
     assert np.array_equal(mesh.regions, 1 + np.arange(9000))
+
+
+MANY = {
+    "strings.2dm": SMS + 150_000 * "NS -5\n",
+    "sections.14": ADCIRC.replace("1 = Number of land", "200001 = Number of land")
+    + 200_000 * "0 20\n",
+    "weirs.14": ADCIRC.replace("1 = Number of land", "80001 = Number of land")
+    + 80_000 * "1 24\n5 15\n",
+}
+
+
+@pytest.mark.parametrize("name", MANY)
+@pytest.mark.filterwarnings("ignore:.*nodes are declared")
+def test_a_section_for_each_node_is_read_in_time(put, name):
+    read_mesh(put("warm.2dm", SMS))
+    mesh = read_within_limits(put(name, MANY[name]))
+    assert mesh.n_cells == 3
+    assert len(mesh.source.names) in (2, 80_002, 200_002)
 
 
 def test_sets_of_sets_do_not_double_for_ever(put):

@@ -14,6 +14,7 @@ from format_samples import (
     OBJ,
     OFF,
     PLY,
+    SMS,
     SU2,
     UCD,
     content_of,
@@ -41,6 +42,7 @@ SECOND_ORDER = {
     "ucd.inp": (UCD.replace("3 8 tri 25 65 55", "3 8 tri6 25 65 55 5 15 35"), "triangle6"),
     "medit.mesh": (MEDIT.replace("End", "TrianglesP2 1\n1 2 3 4 5 6 0\nEnd"), "triangle6"),
     "mfem.mesh": (MFEM.replace("8 2 2 6 5", "8 4 2 6 5 3"), "tetra"),
+    "a.2dm": (SMS.replace("E3T 3 25 65 55", "E6T 3 25 65 55 5 15 35"), "triangle6 .*, line 6"),
 }  # fmt: skip
 
 
@@ -107,6 +109,30 @@ WRONG = [
     ("mfem.mesh", "elements\n3", "elements\n2", "is no section"),
     ("mfem.mesh", "MFEM mesh v1.0", "MFEM NURBS mesh v1.0", "only 'MFEM mesh'"),
     ("mfem.mesh", "vertices\n8\n2\n", "vertices\n8\nnodes\n", "curved"),
+    ("a.2dm", "ND 25 2 0 -2.5", "ND 25 2 0", "line 9: a node needs an id, x, y and z"),
+    ("a.2dm", "ND 25 2 0 -2.5", "ND 25 2 zero -2.5", "line 9: 'zero' is not a number"),
+    ("a.2dm", "ND 25 2", "ND 15 2", "1 node ids come twice"),
+    ("a.2dm", "E4Q 1 5 15 45 35 7", "E4Q 1 5 15 45", "line 4: an element needs an id and 4 nodes"),
+    ("a.2dm", "E4Q 1 5 15 45 35 7", "E4Q 1 5 15 45 36 7", "node id 36"),
+    ("a.2dm", "E3T 3", "E5P 3", "line 6: 'E5P' is no card of SMS"),
+    ("a.2dm", "NS -25 9", "NS 25 9", "line 16: .*'\"shore\"' is no node id"),
+    ("a.2dm", "NS -75 3", "NS 75 3", "line 17: .*no negative id"),
+    ("a.2dm", "NS -75 3", "7 5 3", "line 17: '7' is no card"),
+    ("fort.14", "3 8 !", "3 80 !", "line 2: the header says 80 nodes and 3 elements, 21 lines"),
+    ("fort.14", "25 2 0 2.5D0", "25 2 0", "line 5: a node needs an id, x, y and a depth"),
+    ("fort.14", "25 2 0 2.5D0", "15 2 0 2.5D0", "1 node ids come twice"),
+    ("fort.14", "1 4 5 15 45 35", "1 5 5 15 45 35", "line 11: an element of 5 nodes that does not"),
+    ("fort.14", "1 4 5 15 45 35", "1 4 5 15 45 36", "node id 36"),
+    ("fort.14", "1 = Number", "2 = Number", "line 24: 25 nodes of a boundary .land. expected"),
+    ("fort.14", "20 = Number of", "24 = Number of", "line 23: a node of a weir needs one across"),
+    ("fort.14", "2 20 =", "3 20 =", "line 24: 3 nodes of a boundary .land. expected, this is none"),
+    ("mike.mesh", "1000 8 UTM", "1000 9 UTM", "line 9: node 9 of 9 needs an id, x, y, z, code"),
+    ("mike.mesh", "1000 8 UTM", "1000 99 UTM", "the header says 99 nodes, 12 lines follow"),
+    ("mike.mesh", "25 2 0 -2.5 0", "25 2 0 -2.5", "line 3: node 3 of 8 needs an id, x, y, z, code"),
+    ("mike.mesh", "3 4 25", "4 4 25", "line 9: the header says 4 elements, 3 lines follow"),
+    ("mike.mesh", "3 4 25", "3 4 26", "line 9: .*type .21 or 25. expected"),
+    ("mike.mesh", "3 4 25", "3 3 21", "line 10: an element needs an id and 3 to 3 nodes"),
+    ("mike.mesh", "1 5 15 45 35", "1 5 15 45 36", "node id 36"),
 ]
 
 
@@ -141,7 +167,7 @@ def test_truncated_anywhere(put, name):
 
 def is_open_ended(name: str) -> bool:
     """Formats without counts: a file cut off may be a whole one. MFEM ends with coordinates."""
-    return name in ("a.obj", "abaqus.inp", "mfem.mesh")
+    return name in ("a.obj", "abaqus.inp", "mfem.mesh", "a.2dm")
 
 
 @pytest.mark.parametrize("ending", sorted({e for form in own_formats() for e in form.ENDINGS}))

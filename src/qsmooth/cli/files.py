@@ -60,7 +60,8 @@ SurfaceOption = Annotated[
     typer.Option(
         "--surface",
         help="What z means: [b]auto[/b], the mesh lies in one plane; [b]flat[/b], z is a value on "
-        "a mesh in x and y, such as depth; where vertices move it is interpolated.",
+        "a mesh in x and y, such as depth; where vertices move it is interpolated. In fort.14, "
+        "gr3, 2dm, MIKE and Selafin files it always is one.",
         rich_help_panel=FILES,
     ),
 ]

@@ -55,7 +55,7 @@ def read_mesh(path: PathLike, *, surface: Surface = "auto", format: str | None =
         The format goes by the file's ending, and by its content where several share an ending or
         none has it.
     surface
-        "flat" takes z for a field on a flat mesh; see `Mesh`.
+        "flat" takes z for a field on a flat mesh; see `Mesh`. Of hydrodynamic formats it is one.
     format
         Name of a format, one of `formats()`, if the ending does not say it.
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from qsmooth._types import FloatArray, IndexArray
+from qsmooth._types import BoolArray, FloatArray, IndexArray
 from qsmooth.checks import counted
 from qsmooth.errors import MeshError
 from qsmooth.io.in_place import InPlace, Slots
@@ -73,6 +73,18 @@ class FileContent:
         What was odd in the file and yet could be read rightly.
     geographic
         Whether the file says that its coordinates are longitudes and latitudes in degrees.
+    z_means
+        What z is by the format's definition: a value on a flat mesh, counted upwards ("height") or
+        downwards ("depth"); "" where it is a coordinate, or may be.
+    fields
+        Names of point data that belong to places by the format's definition.
+    held
+        Vertices that stay, as more than their place hangs on them; or None.
+    turned
+        Which of the triangles and quads, one block after the other, run clockwise; or None where
+        that is not known.
+    tilted
+        Whether the mesh lies in another plane than that of x and y.
     format, ending, data, slots, data_slots
         Where it comes from: name of the format, ending and bytes of the file, place of its
         coordinates and of its point data, by name, as far as that can be written back.
@@ -94,6 +106,11 @@ class FileContent:
     extras: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     geographic: bool = False
+    z_means: Literal["", "height", "depth"] = ""
+    fields: tuple[str, ...] = ()
+    held: IndexArray | None = None
+    turned: BoolArray | None = None
+    tilted: bool = False
     format: str = ""
     ending: str = ""
     data: bytes = b""
@@ -118,6 +135,11 @@ class FileContent:
             return np.ascontiguousarray(self.points[:, :2])
         return self.points
 
+    def z(self, means: Literal["height", "depth"]) -> FloatArray:
+        """Give z, (n_vertices,), counted upwards or downwards; 0 where the file has none."""
+        z = self.points_3d[:, 2]
+        return 0.0 - z if self.z_means not in ("", means) else z
+
     def of_type(self, *kinds: str) -> list[tuple[IndexArray, IndexArray | None]]:
         """The cells and tags of each block of these types."""
         return [
@@ -125,6 +147,17 @@ class FileContent:
             for b, (kind, cells) in enumerate(self.blocks)
             if kind in kinds
         ]
+
+    def counter_clockwise(self) -> list[tuple[IndexArray, IndexArray | None]]:
+        """Give the cells and tags of each block of triangles or quads, all turned to run alike."""
+        found, first = [], 0
+        for cells, tags in self.of_type(*FACES):
+            if self.turned is not None:
+                turned = self.turned[first : first + len(cells), None]
+                cells = np.where(turned, np.roll(cells[:, ::-1], 1, axis=1), cells)
+            first += len(cells)
+            found.append((cells, tags))
+        return found
 
     def check(self) -> None:
         """Refuse types that cannot be smoothed and vertices that do not exist.
@@ -206,15 +239,18 @@ class FileContent:
         mesh = Mesh(
             self.points,
             [self.blocks[b][1] for b in self.faces],
-            surface=surface,
+            surface="flat" if self.z_means else surface,
             regions=regions,
+            fixed=self.held,
         )
         return mesh.with_source(self, np.concatenate([np.empty((0, 2), np.int64), *lines]))
 
     def losses(self, holds: frozenset[str]) -> list[str]:
         """What a format that holds only `holds` cannot keep, in words."""
         lost = []
-        if "z" not in holds and self.plain_points.shape[1] == 3:
+        if "level" in holds and self.tilted:
+            lost.append("the tilt of the mesh's plane, as z is a value there")
+        if not holds & {"z", "level"} and self.plain_points.shape[1] == 3:
             lost.append("z coordinates")
         for kind, name in (("line", "line"), ("vertex", "point")):
             count = sum(len(cells) for cells, _ in self.of_type(kind))
@@ -239,20 +275,24 @@ class FileContent:
 def of_mesh(mesh: Mesh) -> FileContent:
     """FileContent with the mesh's present points: what its file held besides, if it had one."""
     source = mesh.source
-    points = np.array(mesh.points)
+    own: dict[str, Any] = {
+        "points": np.array(mesh.points),
+        "turned": mesh.topology.turned,
+        "tilted": mesh.plane is not None,
+    }
     if isinstance(source, FileContent):
         fields = {
             key: value
             for key, value in vars(source).items()
             if key not in ("data", "slots", "data_slots")
         }
-        return FileContent(**{**fields, "points": points})
+        return FileContent(**{**fields, **own})
     blocks = [("triangle" if cells.shape[1] == 3 else "quad", cells) for cells in mesh.cells]
     tags = None
     if mesh.regions is not None:
         ends = np.cumsum([len(cells) for _, cells in blocks])
         tags = np.split(np.asarray(mesh.regions), ends[:-1])
-    return FileContent(points, blocks, tags)
+    return FileContent(blocks=blocks, tags=tags, **own)
 
 
 def region_tags(cell_data: Mapping[str, list[Any]], blocks: list[Block]) -> list[IndexArray] | None:

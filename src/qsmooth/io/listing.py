@@ -12,6 +12,7 @@ from qsmooth.io.registry import own_formats, replaced
 # What formats hold, by the words of ``HOLDS``, in the order in which it is told.
 WORDS = {
     "z": "z",
+    "level": "z as a value",
     "vertex": "point cells",
     "line": "line cells",
     "regions": "regions",

@@ -63,8 +63,9 @@ class Method(Constraints):
     )
     carry: Carry = option(
         "interpolate",
-        help="What becomes of z on a flat mesh: interpolate, it is found anew in the input mesh, "
-        "where each vertex has come to; keep, it is carried along.",
+        help="What becomes of z on a flat mesh, and of the variables of a Selafin file: "
+        "interpolate, they are found anew in the input mesh, where each vertex has come to; keep, "
+        "they are carried along.",
     )
     interpolate: Any = option(
         (),
