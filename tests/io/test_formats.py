@@ -27,7 +27,12 @@ from qsmooth.mesh import Mesh
 
 
 def is_float32(name: str) -> bool:
-    return b"Float32" in content_of(name) or name in ("binary.vtk", "little.ply", "big.ply")
+    return b"Float32" in content_of(name) or name in (
+        "binary.vtk",
+        "little.ply",
+        "big.ply",
+        "ugrid32.nc",
+    )
 
 
 @pytest.mark.parametrize("name", FILES)
