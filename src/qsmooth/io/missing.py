@@ -1,27 +1,24 @@
-"""Libraries that only some formats need: asked for when such a file comes."""
+"""Libraries that only some formats need."""
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import Any
+from importlib.util import find_spec
 
 from qsmooth.errors import MeshError
 
 
-def library(name: str, what: str) -> Any:
-    """Import a library of the extra ``io``.
+def require(library: str, what: str) -> None:
+    """Refuse what needs a library of the extra ``io`` that is not installed.
 
     Raises
     ------
     MeshError
-        If it is not installed; the message says how to.
+        Saying how to install it.
     """
-    try:
-        return import_module(name)
-    except ImportError as error:
-        raise needs(name, what) from error
+    if find_spec(library) is None:
+        raise lacking(library, what)
 
 
-def needs(name: str, what: str) -> MeshError:
+def lacking(library: str, what: str) -> MeshError:
     """Say that a library has to be installed for `what`."""
-    return MeshError(f"{what} needs {name}, which is not installed: pip install 'qsmooth[io]'")
+    return MeshError(f"{what} needs {library}, which is not installed: pip install 'qsmooth[io]'")

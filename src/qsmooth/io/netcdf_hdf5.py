@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from qsmooth.errors import MeshError
 from qsmooth.io.in_place import replace
-from qsmooth.io.missing import library
 from qsmooth.io.netcdf_variable import Attributes, Variable, widened
 from qsmooth.io.vtu_blocks import MOST_MORE, MOST_TIMES
 
@@ -23,7 +22,8 @@ NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable"
 
 def hdf5_variables(data: bytes) -> tuple[dict[str, Variable], Attributes]:
     """See `netcdf.variables`."""
-    h5py = library("h5py", "a NetCDF-4 file, which is HDF5,")
+    import h5py
+
     file = h5py.File(io.BytesIO(data), "r")
     room = MOST_TIMES * len(data) + MOST_MORE
     found = {}
@@ -78,7 +78,8 @@ def hdf5_rewritten(
     data: bytes, values: Mapping[str, npt.NDArray[Any]], widen: frozenset[str]
 ) -> bytes:
     """See `netcdf.rewritten`; where values stand in one piece, no other byte changes."""
-    h5py = library("h5py", "a NetCDF-4 file, which is HDF5,")
+    import h5py
+
     edits, others = [], {}
     with h5py.File(io.BytesIO(data), "r") as file:
         for name, new in values.items():

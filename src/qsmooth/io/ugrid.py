@@ -15,9 +15,11 @@ import numpy.typing as npt
 
 from qsmooth._types import BoolArray, IndexArray
 from qsmooth.errors import MeshError
+from qsmooth.io.apart import apart
 from qsmooth.io.file_content import FileContent, region_tags
 from qsmooth.io.in_place import InPlace
-from qsmooth.io.netcdf import is_netcdf, variables
+from qsmooth.io.missing import require
+from qsmooth.io.netcdf import HDF5, is_netcdf, variables
 from qsmooth.io.netcdf_variable import Attributes, Variable
 from qsmooth.io.text import integers, runs
 from qsmooth.io.ugrid_in_place import Derived, NodeCoordinates, Values, decoded
@@ -55,6 +57,15 @@ def write(content: FileContent) -> bytes:
 
 def read(data: bytes) -> FileContent:
     """Read the two-dimensional topology; all other variables stay in the file."""
+    if data[:8] == HDF5:
+        require("h5py", "a NetCDF-4 file, which is HDF5,")
+        content: FileContent = apart(f"{__name__}:content_of", len(data), data)
+        return content
+    return content_of(data)
+
+
+def content_of(data: bytes) -> FileContent:
+    """The mesh in these bytes; asks h5py where they are HDF5."""
     return _Reader(*variables(data)).content()
 
 

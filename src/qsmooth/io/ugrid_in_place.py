@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -12,8 +13,9 @@ import numpy.typing as npt
 
 from qsmooth._types import FloatArray, IndexArray
 from qsmooth.errors import MeshWarning
+from qsmooth.io.apart import apart
 from qsmooth.io.in_place import InPlace
-from qsmooth.io.netcdf import rewritten, variables
+from qsmooth.io.netcdf import HDF5, rewritten, variables
 from qsmooth.io.netcdf_variable import Variable
 
 Rule: TypeAlias = Callable[[FloatArray, IndexArray, IndexArray], FloatArray]
@@ -53,21 +55,8 @@ class NodeCoordinates(InPlace):
         """See `InPlace`. What does not follow from the nodes is kept, with a warning."""
         if np.array_equal(old.view(np.int64), np.ascontiguousarray(new).view(np.int64)):
             return data
-        found, _ = variables(data)
-        values = {name: new[:, k] for k, name in enumerate(self.names)}
-        kept: list[str] = []
-        for one in self.derived:
-            places = np.column_stack([found[name].values() for name in one.names])
-            rule = _rule(places.astype(np.float64), old, one)
-            if rule is None:
-                kept += one.names
-                continue
-            before, after = (rule(xy, one.nodes, one.counts) for xy in (old, new))
-            fresh = np.where((before != after).any(axis=1)[:, None], after, places)
-            values |= {name: fresh[:, k] for k, name in enumerate(one.names)}
-            for k, name in enumerate(one.bounds):
-                table = found[name].values()
-                values[name] = _corners(table, old[:, k], new[:, k], one)
+        call = partial(apart, f"{__name__}:moved", len(data)) if data[:8] == HDF5 else moved
+        fresh, kept = call(data, self, old, new)
         if kept:
             warnings.warn(
                 f"{', '.join(kept)} are neither means nor centroids of their nodes: they stay "
@@ -75,7 +64,8 @@ class NodeCoordinates(InPlace):
                 MeshWarning,
                 stacklevel=4,
             )
-        return rewritten(data, values, frozenset(self.names))
+        written: bytes = fresh
+        return written
 
 
 @dataclass
@@ -87,17 +77,44 @@ class Values(InPlace):
 
     def write(self, data: bytes, old: FloatArray, new: FloatArray) -> bytes:
         """See `InPlace`."""
-        one = variables(data)[0][self.name]
-        table = np.moveaxis(one.values(), self.axis, 0)
-        changed = (old.view(np.int64) != np.ascontiguousarray(new).view(np.int64)).reshape(
-            table.shape
-        )
-        fresh = new.reshape(table.shape).astype(table.dtype)
-        fill = _fill(one)
-        if fill is not None:
-            fresh = np.where(np.isnan(fresh), fill, fresh)
-        fresh = np.where(changed, fresh, table)
-        return rewritten(data, {self.name: np.moveaxis(fresh, 0, self.axis)})
+        call = partial(apart, f"{__name__}:changed", len(data)) if data[:8] == HDF5 else changed
+        written: bytes = call(data, self, old, new)
+        return written
+
+
+def moved(
+    data: bytes, slots: NodeCoordinates, old: FloatArray, new: FloatArray
+) -> tuple[bytes, list[str]]:
+    """The bytes with other coordinates, and the names of those that are kept."""
+    found, _ = variables(data)
+    values = {name: new[:, k] for k, name in enumerate(slots.names)}
+    kept: list[str] = []
+    for one in slots.derived:
+        places = np.column_stack([found[name].values() for name in one.names])
+        rule = _rule(places.astype(np.float64), old, one)
+        if rule is None:
+            kept += one.names
+            continue
+        before, after = (rule(xy, one.nodes, one.counts) for xy in (old, new))
+        fresh = np.where((before != after).any(axis=1)[:, None], after, places)
+        values |= {name: fresh[:, k] for k, name in enumerate(one.names)}
+        for k, name in enumerate(one.bounds):
+            table = found[name].values()
+            values[name] = _corners(table, old[:, k], new[:, k], one)
+    return rewritten(data, values, frozenset(slots.names)), kept
+
+
+def changed(data: bytes, slots: Values, old: FloatArray, new: FloatArray) -> bytes:
+    """The bytes with other values where they differ."""
+    one = variables(data)[0][slots.name]
+    table = np.moveaxis(one.values(), slots.axis, 0)
+    differ = (old.view(np.int64) != np.ascontiguousarray(new).view(np.int64)).reshape(table.shape)
+    fresh = new.reshape(table.shape).astype(table.dtype)
+    fill = _fill(one)
+    if fill is not None:
+        fresh = np.where(np.isnan(fresh), fill, fresh)
+    fresh = np.where(differ, fresh, table)
+    return rewritten(data, {slots.name: np.moveaxis(fresh, 0, slots.axis)})
 
 
 def decoded(one: Variable, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
