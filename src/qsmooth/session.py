@@ -47,7 +47,7 @@ class Smoother:
     ----------
     mesh
         A `Mesh`, a pair ``(points, cells)``, or a mesh of meshio. It is not changed.
-    method, constraints, options
+    method, constraints, geographic, options
         As in `smooth`. What `target` says is read from this mesh; only a function of places is
         asked again by ``smoother(points)``. Which vertices and cells `fixed` and `selection` mean
         is found here, too.
@@ -71,10 +71,11 @@ class Smoother:
         method: str | Method = "auto",
         *,
         constraints: Constraints | None = None,
+        geographic: bool | None = None,
         **options: Any,
     ) -> None:
         self._given, self._chosen = method_of(method, options, constraints)
-        self._mesh = to_mesh(mesh)
+        self._mesh = to_mesh(mesh, geographic=geographic)
         self._method = self._given.resolved(self._mesh)
         self._begin()
 
@@ -232,6 +233,7 @@ class _Tables:
         self._places = np.argsort(self._ids) if self._ids is not None else None
         self._given, self._inside = np.empty((n, 2)), np.empty((n, 2))
         self._space = np.empty((n, 3)) if mesh.plane is not None else None
+        self._rounded = mesh.plane is not None or mesh.projection is not None
         self._column, self._unused = np.empty(n), ~mesh.topology.used
         self._first = int(np.argmax(mesh.topology.used))
 
@@ -242,7 +244,7 @@ class _Tables:
         if record is None:
             checked_points(points)
             raise MeshError("points must be finite coordinates")
-        if self._space is None:
+        if not self._rounded:
             np.copyto(out, points)
             np.copyto(out[:, :2], self._back())
             return record
@@ -251,7 +253,9 @@ class _Tables:
     def _come_in(self, points: FloatArray) -> FloatArray:
         """Coordinates in the plane and in the order inside, (n, 2)."""
         plane = self._mesh.plane
-        if plane is None or self._space is None:
+        if self._mesh.projection is not None:
+            np.copyto(self._given, self._mesh.projection.project(points))
+        elif plane is None or self._space is None:
             np.copyto(self._given, points[:, :2])
         else:
             np.subtract(points, plane.origin, out=self._space)
@@ -268,15 +272,19 @@ class _Tables:
         return np.take(xy, self._places, axis=0, out=self._inside, mode="clip")
 
     def _put_in_plane(self, points: FloatArray, out: FloatArray, record: StepRecord) -> StepRecord:
-        """Write down moves in space, certified once more as they are rounded."""
+        """Write down moves in space, or in degrees, certified once more as they are rounded."""
         plane, space, stepper = self._mesh.plane, self._space, self.stepper
-        assert plane is not None
-        assert space is not None
-        given, moves = points.copy(), self._back() - self._given
+        given, xy = points.copy(), self._back()
+        moves = xy - self._given
         moved = (moves != 0.0).any(axis=1)
-        np.matmul(moves, plane.axes, out=space)
         np.copyto(out, given)
-        np.add(given, space, out=out, where=moved[:, None])
+        if self._mesh.projection is not None:
+            out[moved, :2] = self._mesh.projection.unproject(xy[moved])
+        else:
+            assert plane is not None
+            assert space is not None
+            np.matmul(moves, plane.axes, out=space)
+            np.add(given, space, out=out, where=moved[:, None])
         was_invalid = stepper.figures.invalid()
         while True:
             broken = stepper.go_on_from(self._come_in(out), was_invalid)

@@ -31,6 +31,7 @@ def compare(
     ] = "all",
     options: dict[str, Any] | None = None,
     surface: files.SurfaceOption = files.Surface.auto,
+    geographic: files.GeographicOption = None,
     format: files.FormatOption = None,
     json_file: files.JsonOption = None,
     debug: files.DebugOption = False,
@@ -42,7 +43,7 @@ def compare(
     files.refuse_clash(json_file, mesh_file)
     options = options or {}
     chosen = with_options(method_names(methods), options)
-    mesh = files.read(mesh_file, surface, format)
+    mesh = files.read(mesh_file, surface, format, geographic)
     results, skipped = run_all(mesh, chosen)
     facts = {
         "input": str(mesh_file),

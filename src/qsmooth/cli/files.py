@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import warnings
 from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
@@ -14,7 +15,7 @@ import typer
 from qsmooth._json import finite
 from qsmooth.cli.options import FILES, REPORT
 from qsmooth.cli.terminal import status, write
-from qsmooth.errors import MeshError
+from qsmooth.errors import MeshError, MeshWarning
 
 if TYPE_CHECKING:
     from qsmooth.mesh import Mesh
@@ -63,6 +64,15 @@ SurfaceOption = Annotated[
         rich_help_panel=FILES,
     ),
 ]
+GeographicOption = Annotated[
+    bool | None,
+    typer.Option(
+        "--geographic/--no-geographic",
+        help="Whether x and y are longitudes and latitudes in degrees: angles are then the true "
+        "ones, lengths in metres. By default what the file says.",
+        rich_help_panel=FILES,
+    ),
+]
 FormatOption = Annotated[
     str | None,
     typer.Option(
@@ -95,12 +105,21 @@ DebugOption = Annotated[
 ]
 
 
-def read(path: Path, surface: Surface, format: str | None) -> Mesh:
+def read(path: Path, surface: Surface, format: str | None, geographic: bool | None = None) -> Mesh:
     """Read a mesh."""
+    from qsmooth.geographic import look_like_degrees
     from qsmooth.io import read_mesh
 
     with status(f"reading {path}"):
-        return read_mesh(path, surface=surface.value, format=format)
+        mesh = read_mesh(path, surface=surface.value, format=format, geographic=geographic)
+    if geographic is None and not mesh.geographic and look_like_degrees(mesh.points):
+        warnings.warn(
+            f"'{path}': coordinates look like degrees, and are taken as lengths; --geographic "
+            "takes them as longitudes and latitudes, --no-geographic says that they are none",
+            MeshWarning,
+            stacklevel=2,
+        )
+    return mesh
 
 
 def require_format(

@@ -16,6 +16,7 @@ def info(
         int, typer.Option(help="How many ids of each finding to show.", rich_help_panel=REPORT)
     ] = 10,
     surface: files.SurfaceOption = files.Surface.auto,
+    geographic: files.GeographicOption = None,
     format: files.FormatOption = None,
     json_file: files.JsonOption = None,
     debug: files.DebugOption = False,
@@ -31,7 +32,7 @@ def info(
     if ids < 0:
         raise ValueError(f"--ids must be 0 or more, got {ids}")
     files.refuse_clash(json_file, mesh_file)
-    facts = inspect(files.read(mesh_file, surface, format))
+    facts = inspect(files.read(mesh_file, surface, format, geographic))
     with files.Outputs() as outputs:
         if not outputs.put_json(json_file, {"input": str(mesh_file), **facts.to_dict(ids)}):
             terminal.write_heading(str(mesh_file))

@@ -62,6 +62,7 @@ def quality(
         ),
     ] = False,
     surface: files.SurfaceOption = files.Surface.auto,
+    geographic: files.GeographicOption = None,
     format: files.FormatOption = None,
     json_file: files.JsonOption = None,
     debug: files.DebugOption = False,
@@ -78,7 +79,7 @@ def quality(
     gates = [(*parse_gate(text, "--fail-below"), True) for text in fail_below or ()]
     gates += [(*parse_gate(text, "--fail-above"), False) for text in fail_above or ()]
     files.refuse_clash(json_file, mesh_file)
-    mesh = files.read(mesh_file, surface, format)
+    mesh = files.read(mesh_file, surface, format, geographic)
     measured = measure(mesh)
     summary, bounds = measured.summary(shown), limits(mesh)
     checks = _checks(measured, gates, fail_invalid)

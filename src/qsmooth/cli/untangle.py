@@ -18,6 +18,7 @@ def untangle(
     overwrite: files.OverwriteOption = False,
     keep_best: files.KeepBestOption = False,
     surface: files.SurfaceOption = files.Surface.auto,
+    geographic: files.GeographicOption = None,
     format: files.FormatOption = None,
     output_format: files.OutputFormatOption = None,
     json_file: files.JsonOption = None,
@@ -35,7 +36,7 @@ def untangle(
     files.refuse_unsafe(mesh_file, output, overwrite, json_file)
     options = options or {}
     method = all_methods()["untangle"].of(options)
-    mesh = files.read(mesh_file, surface, format)
+    mesh = files.read(mesh_file, surface, format, geographic)
     files.require_format(output, mesh, output_format, method.interpolate)
     result = running.run_to_end(mesh, method, output, format=output_format, keep=keep_best)
     n_invalid = result.after.n_invalid

@@ -41,7 +41,13 @@ def formats() -> dict[str, tuple[str, ...]]:
     return {form.NAME: form.ENDINGS for form in own} | via_meshio.formats(replaced())
 
 
-def read_mesh(path: PathLike, *, surface: Surface = "auto", format: str | None = None) -> Mesh:
+def read_mesh(
+    path: PathLike,
+    *,
+    surface: Surface = "auto",
+    format: str | None = None,
+    geographic: bool | None = None,
+) -> Mesh:
     """Read a mesh from a file.
 
     Parameters
@@ -52,6 +58,8 @@ def read_mesh(path: PathLike, *, surface: Surface = "auto", format: str | None =
         "flat" takes z for a field on a flat mesh; see `Mesh`.
     format
         Name of a format, one of `formats()`, if the ending does not say it.
+    geographic
+        Whether x and y are longitudes and latitudes in degrees; by default what the file says.
 
     Raises
     ------
@@ -62,7 +70,7 @@ def read_mesh(path: PathLike, *, surface: Surface = "auto", format: str | None =
     try:
         content = _read(path, format)
         content.ending = path.suffix.lower()
-        mesh = content.to_mesh(surface)
+        mesh = content.to_mesh(surface, geographic)
     except MeshError as error:
         message = str(error)
         if str(path) not in message:

@@ -11,6 +11,7 @@ import numpy as np
 from qsmooth._types import FloatArray, IndexArray
 from qsmooth.checks import counted
 from qsmooth.errors import MeshError
+from qsmooth.geographic import no_degrees
 from qsmooth.io.in_place import InPlace, Slots
 from qsmooth.io.text import line_of
 
@@ -184,12 +185,24 @@ class FileContent:
             where += f", line {line_of(self.data, int(self.places[block][row]))}"
         return where
 
-    def to_mesh(self, surface: Surface) -> Mesh:
-        """Mesh of the triangles and quads, which carries this content with it."""
+    def to_mesh(self, surface: Surface, geographic: bool | None = None) -> Mesh:
+        """Mesh of the triangles and quads, which carries this content with it.
+
+        Parameters
+        ----------
+        geographic
+            Whether x and y are longitudes and latitudes; by default what the file says.
+        """
         # Here, as Mesh brings Numba, which reading a list of formats does not need.
         from qsmooth.mesh import Mesh
 
         self.check()
+        if geographic is None and self.geographic and no_degrees(self.points).any():
+            self.notes += (
+                "degrees are declared, but the coordinates can be none: taken as lengths",
+            )
+            geographic = False
+        self.geographic = self.geographic if geographic is None else geographic
         regions = None
         if self.tags is not None:
             regions = np.concatenate([self.tags[b] for b in self.faces])
@@ -199,6 +212,7 @@ class FileContent:
             [self.blocks[b][1] for b in self.faces],
             surface=surface,
             regions=regions,
+            geographic=self.geographic,
         )
         return mesh.with_source(self, np.concatenate([np.empty((0, 2), np.int64), *lines]))
 
@@ -237,13 +251,13 @@ def of_mesh(mesh: Mesh) -> FileContent:
             for key, value in vars(source).items()
             if key not in ("data", "slots", "data_slots")
         }
-        return FileContent(**{**fields, "points": points})
+        return FileContent(**{**fields, "points": points, "geographic": mesh.geographic})
     blocks = [("triangle" if cells.shape[1] == 3 else "quad", cells) for cells in mesh.cells]
     tags = None
     if mesh.regions is not None:
         ends = np.cumsum([len(cells) for _, cells in blocks])
         tags = np.split(np.asarray(mesh.regions), ends[:-1])
-    return FileContent(points, blocks, tags)
+    return FileContent(points, blocks, tags, geographic=mesh.geographic)
 
 
 def region_tags(cell_data: Mapping[str, list[Any]], blocks: list[Block]) -> list[IndexArray] | None:

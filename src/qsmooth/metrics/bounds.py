@@ -73,7 +73,11 @@ class Limits:
 
 
 def limits(
-    mesh: Any, *, keep_interfaces: bool = True, movable: npt.ArrayLike | None = None
+    mesh: Any,
+    *,
+    keep_interfaces: bool = True,
+    movable: npt.ArrayLike | None = None,
+    geographic: bool | None = None,
 ) -> Limits:
     """Bound the smallest and the largest angle that any placement of the vertices can have.
 
@@ -85,6 +89,8 @@ def limits(
         Whether vertices on the line between two regions, or on line cells of the file, stay.
     movable : (n_vertices,) bool
         Vertices that may move, if these are others; boundary vertices may be among them.
+    geographic
+        Whether x and y are longitudes and latitudes in degrees; by default what the mesh says.
 
     Returns
     -------
@@ -97,7 +103,7 @@ def limits(
     ValueError
         If `movable` is no such mask.
     """
-    mesh = to_mesh(mesh)
+    mesh = to_mesh(mesh, geographic=geographic)
     topology = mesh.topology
     kept = [*kept_by(topology, keep_interfaces)]
     if movable is None:
