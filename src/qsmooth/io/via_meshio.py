@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import random
+import re
 import sys
 import warnings
 from collections.abc import Iterator, Set
@@ -14,8 +15,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from qsmooth.errors import MeshError
+from qsmooth.io.apart import apart
 from qsmooth.io.file_content import FileContent, region_tags
 from qsmooth.io.files import reason, replace_file
+from qsmooth.io.library_arrays import LIBRARIES, find_arrays
+from qsmooth.io.missing import lacking, require
 
 if TYPE_CHECKING:
     import meshio
@@ -24,9 +28,13 @@ if TYPE_CHECKING:
 NOT_MESHES = frozenset(("svg", "neuroglancer"))
 # One mesh in several files cannot be replaced in one step.
 SEVERAL_FILES = frozenset(("tetgen", "xdmf"))
+# What has some of these put all into one.
+ALONE = {"xdmf": {"data_format": "XML"}}
 # Readers that go on reading for ever where a file ends too early, and whether they read text.
 ENDLESS = {"ansys": False, "mdpa": False, "tecplot": True}
 MOST_ENDS = 1000
+# Names of files with the numbers of an XDMF file.
+BESIDE = re.compile(rb"([\w.+-]+\.(?:h5|hdf5|hdf|bin))\b")
 
 
 def loaded() -> Any:
@@ -61,7 +69,29 @@ def formats(without: Set[str]) -> dict[str, tuple[str, ...]]:
 
 
 def read(path: Path, name: str) -> FileContent:
-    """Read through meshio; every way in which it fails is a MeshError."""
+    """Read through meshio; every way in which it fails is a MeshError.
+
+    Formats that are read by libraries in C are read in a process of its own.
+    """
+    if name not in LIBRARIES and name != "xdmf":
+        return read_here(path, name)
+    if name in LIBRARIES:
+        require(LIBRARIES[name], f"format {name}")
+    content: FileContent = apart(f"{__name__}:read_here", _size(path), path, name)
+    return content
+
+
+def _size(path: Path) -> int:
+    """Bytes of a file, and of those beside it that it names."""
+    data = path.read_bytes()
+    named = {match.decode() for match in BESIDE.findall(data)} if data[:1] == b"<" else set()
+    beside = [path.parent / name for name in named]
+    sizes: list[int] = [one.stat().st_size for one in beside if one.is_file()]
+    return len(data) + sum(sizes)
+
+
+def read_here(path: Path, name: str) -> FileContent:
+    """Read through meshio, in this process."""
     meshio = loaded()
 
     with _quiet() as said, _as_mesh_error(said):
@@ -69,6 +99,8 @@ def read(path: Path, name: str) -> FileContent:
         mesh = meshio.read(file, file_format=name)
     content = content_of(mesh)
     content.format = name
+    if name in LIBRARIES:
+        content.slots = find_arrays(path.read_bytes(), name, content.points)
     return content
 
 
@@ -76,14 +108,15 @@ def write(content: FileContent, path: Path, name: str) -> list[str]:
     """Write through meshio, read back what was written and list what is missing there."""
     meshio = loaded()
 
-    if name in SEVERAL_FILES:
+    options = ALONE.get(name, {})
+    if name in SEVERAL_FILES and not options:
         raise MeshError(f"cannot write '{path}': format {name} takes several files")
     mesh = meshio_of(content)
     lost: list[str] = []
 
     def fill(temporary: Path) -> None:
         with _quiet() as said, _as_mesh_error(said, f"cannot write '{path}' as {name}"):
-            meshio.write(temporary, mesh, file_format=name)
+            meshio.write(temporary, mesh, file_format=name, **options)
             back = meshio.read(temporary, file_format=name)
         if np.ndim(back.points) != 2 or len(back.points) == 0:
             raise MeshError(f"cannot write '{path}': format {name} holds none of these cells")
@@ -212,6 +245,8 @@ def _quiet() -> Iterator[io.StringIO]:
 def _as_mesh_error(said: io.StringIO, what: str = "") -> Iterator[None]:
     try:
         yield
+    except ImportError as error:
+        raise lacking(error.name or str(error), what or "this format") from error
     except (Exception, SystemExit) as error:  # meshio leaves the interpreter on a bad file
         words = " ".join(said.getvalue().split()) or str(error) or type(error).__name__
         if isinstance(error, OSError) and error.strerror:
