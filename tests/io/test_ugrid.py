@@ -331,6 +331,12 @@ def test_a_new_file_has_what_the_mesh_has(put, tmp_path):
     assert len(parse(path.read_bytes()).variables["mesh2d_edge_nodes"].values) == 40
 
 
+def test_faces_of_a_new_file_run_anticlockwise(tmp_path):
+    points, (rows,) = rough_grid(4)
+    write_mesh(tmp_path / "a.nc", Mesh(points, rows[:, ::-1]))
+    assert np.array_equal(read_mesh(tmp_path / "a.nc").cells[0], np.roll(rows, 1, axis=1))
+
+
 def test_without_its_library_one_line_says_what_to_install(put, monkeypatch):
     monkeypatch.setitem(sys.modules, "h5py", None)
     with pytest.raises(MeshError, match=r"needs h5py.*pip install 'qsmooth\[io\]'") as caught:

@@ -26,7 +26,7 @@ def composed(content: FileContent) -> bytes:
     rows = np.full((n_faces, width), FILL, ">i4")
     first = 0
     for _, cells in faces:
-        rows[first : first + len(cells), : cells.shape[1]] = cells
+        rows[first : first + len(cells), : cells.shape[1]] = _anticlockwise(cells, content)
         first += len(cells)
     edges = _edges([cells for _, cells in faces])
     dims = {NODE: len(content.points), FACE: n_faces, MOST_NODES: width}
@@ -95,6 +95,14 @@ def _storable(values: npt.NDArray[Any]) -> npt.NDArray[Any] | None:
         return values.astype(">i1")
     fits = not values.size or (values.min() >= -(2**31) and values.max() < 2**31)
     return values.astype(">i4" if fits else ">f8")
+
+
+def _anticlockwise(cells: IndexArray, content: FileContent) -> IndexArray:
+    """Cells from the same first node on, all anticlockwise, as the conventions ask."""
+    x, y = content.points[cells][:, :, 0], content.points[cells][:, :, 1]
+    x, y = x - x[:, :1], y - y[:, :1]
+    areas = (x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)
+    return np.where(areas[:, None] < 0.0, np.roll(cells[:, ::-1], 1, axis=1), cells)
 
 
 def _edges(blocks: list[IndexArray]) -> IndexArray:
