@@ -1,8 +1,10 @@
 """A small file of every format, and of every variant that is read; all hold the same mesh."""
 
 import base64
+import io
 import struct
 import zlib
+from importlib.util import find_spec
 
 import numpy as np
 
@@ -281,6 +283,79 @@ def msh4_binary() -> bytes:
     )  # fmt: skip
 
 
+def ugrid(dtype: str = "f8") -> bytes:
+    """A file in NetCDF's classic form with times, indices from 1 and other meshes beside."""
+    from scipy.io import netcdf_file
+
+    with io.BytesIO() as buffer:
+        file = netcdf_file(buffer, "w", version=1)
+        for name, length in {
+            "time": None,
+            "node": 8,
+            "face": 3,
+            "most": 4,
+            "edge": 2,
+            "two": 2,
+        }.items():
+            file.createDimension(name, length)
+
+        def put(
+            name: str, kind: str, dims: tuple[str, ...], values: object, **attributes: object
+        ) -> None:
+            variable = file.createVariable(name, kind, dims)
+            if dims:
+                variable[:] = values
+            for key, value in attributes.items():
+                setattr(variable, key, value)
+
+        put("line", "i4", (), 0, cf_role="mesh_topology", topology_dimension=np.int32(1),
+            node_coordinates="x y", edge_node_connectivity="line_nodes")  # fmt: skip
+        put("mesh", "i4", (), 0, cf_role="mesh_topology", topology_dimension=np.int32(2),
+            node_coordinates="x y", face_node_connectivity="corners")  # fmt: skip
+        put("line_nodes", "i4", ("edge", "two"), [(1, 2), (2, 3)], start_index=np.int32(1))
+        put("level", "f4", ("time", "node"), [np.arange(8.0), np.arange(8.0) + 1])
+        put("x", dtype, ("node",), [x for x, _ in POINTS], standard_name="projection_x_coordinate")
+        put("y", dtype, ("node",), [y for _, y in POINTS], standard_name="projection_y_coordinate")
+        rows = [(1, 2, 5, 4), (2, 3, 6, 5), (3, 7, 6, -9)]
+        put(
+            "corners",
+            "i4",
+            ("face", "most"),
+            rows,
+            start_index=np.int32(1),
+            _FillValue=np.int32(-9),
+        )
+        put("material", "i4", ("face",), [7, 8, 8], location="face")
+        put("odd", "i1", ("time",), [1, 2])
+        file.flush()
+        return buffer.getvalue()
+
+
+def ugrid_hdf5() -> bytes:
+    """A NetCDF-4 file with indices as floats and no start index."""
+    import h5py
+
+    with io.BytesIO() as buffer:
+        file = h5py.File(buffer, "w")
+        mesh = file.create_dataset("mesh", (), "i4")
+        mesh.attrs.update(cf_role="mesh_topology", node_coordinates="x y",
+                          face_node_connectivity="corners")  # fmt: skip
+        rows = np.array([*QUADS, (*TRIANGLES[0], np.nan)])
+        for name, values in {"x": [x for x, _ in POINTS], "y": [y for _, y in POINTS],
+                             "corners": rows, "material": np.array([7, 8, 8])}.items():  # fmt: skip
+            file[name] = values
+        for name, length in {"node": 8, "face": 3, "most": 4}.items():
+            file[name] = np.zeros(length, ">f4")
+            file[name].make_scale("This is a netCDF dimension but not a netCDF variable.")
+        for name in ("x", "y"):
+            file[name].dims[0].attach_scale(file["node"])
+        for name in ("corners", "material"):
+            file[name].dims[0].attach_scale(file["face"])
+        file["corners"].dims[1].attach_scale(file["most"])
+        file.close()
+        return buffer.getvalue()
+
+
 # File name -> content, regions of the three cells (or None), number of line cells.
 FILES: dict[str, tuple[str | bytes, list[int] | None, int]] = {
     "a.off": (OFF, None, 0),
@@ -315,7 +390,11 @@ FILES: dict[str, tuple[str | bytes, list[int] | None, int]] = {
     "a.gr3": (ADCIRC[: ADCIRC.index("! bound")], None, 0),
     "mike.mesh": (MIKE, None, 0),
     "oldmike.mesh": (OLD_MIKE, None, 0),
+    "ugrid.nc": (ugrid(), [7, 8, 8], 0),
+    "ugrid32.nc": (ugrid("f4"), [7, 8, 8], 0),
 }
+if find_spec("h5py"):  # of the extra io
+    FILES["hdf5.nc"] = (ugrid_hdf5(), [7, 8, 8], 0)
 TEXT = [name for name, (content, _, _) in FILES.items() if isinstance(content, str)]
 
 

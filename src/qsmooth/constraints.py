@@ -9,7 +9,8 @@ from typing import Any, Literal, Self
 import numpy as np
 
 from qsmooth._types import BoolArray, FloatArray
-from qsmooth.curves import checked_curve, read_curve
+from qsmooth.curves import Curve, checked_curve, read_curve
+from qsmooth.geographic import SEMI_AXIS, Projection
 from qsmooth.kernels.rails import FREE, Rails
 from qsmooth.mesh import Mesh
 from qsmooth.metrics.bounds import Kept, kept_by
@@ -27,7 +28,8 @@ from qsmooth.selection import (
 )
 from qsmooth.vectors import directions_of, parse_directions, shortest_edges, transition
 
-# Of the largest coordinate of points in a tilted plane: more than their rounding.
+# Of the largest coordinate of points in a tilted plane, or of the Earth's radius for those in
+# degrees: more than their rounding.
 ROUNDING = 2.0**-49
 
 
@@ -260,7 +262,7 @@ class Constraints(Options):
             origin=mesh.xy,
             reach=self._reach(mesh, by_edge),
             directions=directions,
-            rounding=0.0 if mesh.plane is None else ROUNDING * float(np.abs(mesh.points).max()),
+            rounding=_rounding(mesh),
             chains=chains,
             tolerance=self.outline_tolerance,
             by_edge=by_edge,
@@ -287,7 +289,7 @@ class Constraints(Options):
             boundary=self.boundary == "slide",
             interfaces=self.interfaces == "slide",
             corner_angle=self.corner_angle,
-            curve=self.curve,
+            curve=_on_map(self.curve, mesh.projection),
         )
 
     def _by_edge(self, mesh: Mesh, shares: FloatArray | None) -> FloatArray | None:
@@ -318,3 +320,24 @@ class Constraints(Options):
                 edges = by_edge[limited] * shortest_edges(mesh)[limited]
             reach[limited] = np.minimum(reach[limited], edges)
         return reach if np.isfinite(reach).any() else None
+
+
+def _rounding(mesh: Mesh) -> float:
+    """How far places are off as they are stored, in the plane of the mesh."""
+    if mesh.projection is not None:
+        return ROUNDING * SEMI_AXIS
+    return 0.0 if mesh.plane is None else ROUNDING * float(np.abs(mesh.points).max())
+
+
+def _on_map(curve: Curve | None, projection: Projection | None) -> Curve | None:
+    """Put a curve of longitudes and latitudes on the map in which a mesh of these is measured."""
+    if curve is None or projection is None:
+        return curve
+    if not callable(curve):
+        return [projection.project(one) for one in curve]
+    given, here = curve, projection
+
+    def onto(places: FloatArray) -> FloatArray:
+        return here.project(np.asarray(given(here.unproject(places)), dtype=np.float64))
+
+    return onto

@@ -292,6 +292,8 @@ def _edges(mesh: Mesh, twins: IndexArray, *, every: bool = False) -> IndexArray:
 
 
 def _plane(mesh: Mesh) -> str:
+    if mesh.geographic:
+        return "longitudes and latitudes; angles are true ones, lengths in metres"
     if mesh.points.shape[1] == 2:
         return "2D"
     z = mesh.points[mesh.topology.used, 2]

@@ -273,7 +273,10 @@ def _renumbered(mesh: Mesh, stays: BoolArray, ids: IndexArray) -> Mesh:
     points, source = mesh.points[stays], mesh.source
     if not isinstance(source, FileContent):
         blocks = [ids[cells] for cells in mesh.cells]
-        return Mesh(points, blocks, surface=mesh.surface, fixed=fixed, regions=mesh.regions)
+        return Mesh(
+            points, blocks, surface=mesh.surface, fixed=fixed, regions=mesh.regions,
+            geographic=mesh.geographic,
+        )  # fmt: skip
     content = replace(
         source,
         points=points,
@@ -285,6 +288,7 @@ def _renumbered(mesh: Mesh, stays: BoolArray, ids: IndexArray) -> Mesh:
         changed=frozenset(),
         held=None if source.held is None else np.unique(ids[source.held]),
         turned=None,
+        geographic=mesh.geographic,
         data=b"",
         slots=None,
         data_slots={},

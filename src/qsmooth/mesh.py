@@ -18,6 +18,7 @@ from qsmooth.checks import (
     read_only,
 )
 from qsmooth.errors import MeshError
+from qsmooth.geographic import Projection, require_degrees
 from qsmooth.plane import Plane, coordinates, find_plane, is_level
 from qsmooth.topology import Topology
 
@@ -48,6 +49,10 @@ class Mesh:
         Vertices that must not move, besides those on the boundary.
     regions : (n_cells,) integers
         Region of each cell; vertices on the line between two regions are kept by default.
+    geographic
+        Whether x and y are longitudes and latitudes in degrees. Then the mesh is measured and
+        smoothed in a conformal projection about its middle, in metres, where its angles are the
+        true ones, and given back in degrees. A third coordinate is a value, as on a flat surface.
 
     Raises
     ------
@@ -64,10 +69,11 @@ class Mesh:
         surface: Surface = "auto",
         fixed: npt.ArrayLike | None = None,
         regions: npt.ArrayLike | None = None,
+        geographic: bool = False,
     ) -> None:
         if surface not in ("auto", "flat"):
             raise ValueError(f"surface must be 'auto' or 'flat', got {surface!r}")
-        self._surface: Surface = surface
+        self._surface: Surface = "flat" if geographic else surface
         self._points = read_only(checked_points(points))
         blocks = checked_blocks(cells)
         if len(self._points) == 0 or not blocks:
@@ -77,10 +83,14 @@ class Mesh:
         self._topology = Topology(len(self._points), blocks, fixed_mask, region_ids)
         self._cells = _as_blocks(self._topology.given_vertices, blocks)
         self._plane: Plane | None = None
-        if self._points.shape[1] == 3 and surface == "auto":
+        self._projection: Projection | None = None
+        if geographic:
+            require_degrees(self._points)
+            self._projection = Projection(self._points[self._topology.used])
+        elif self._points.shape[1] == 3 and surface == "auto":
             topology = self._topology
             self._plane = find_plane(self._points, topology.used, topology.is_boundary)
-        self._xy = coordinates(self._points, self._plane)
+        self._xy = self.project(self._points)
         self._topology.orient(self._xy)
         self._source: object = None
 
@@ -108,7 +118,10 @@ class Mesh:
 
     @property
     def xy(self) -> FloatArray:
-        """Coordinates in the plane of the mesh, (n, 2); read-only."""
+        """Coordinates in the plane of the mesh, (n, 2); read-only.
+
+        In metres where those of the mesh are longitudes and latitudes.
+        """
         return self._xy
 
     @property
@@ -120,6 +133,16 @@ class Mesh:
     def plane(self) -> Plane | None:
         """The plane of the points; None where it is that of x and y."""
         return self._plane
+
+    @property
+    def projection(self) -> Projection | None:
+        """The map of longitudes and latitudes; None where the coordinates are none."""
+        return self._projection
+
+    @property
+    def geographic(self) -> bool:
+        """Whether x and y are longitudes and latitudes in degrees."""
+        return self._projection is not None
 
     @property
     def source(self) -> object:
@@ -205,6 +228,8 @@ class Mesh:
             Another shape, coordinates that are not finite, or points outside the mesh's plane.
         """
         new = checked_points(points)
+        if self._projection is not None:
+            require_degrees(new)
         if new.shape != self._points.shape:
             raise MeshError(f"points must have the shape {self._points.shape}, got {new.shape}")
         if new.shape[1] == 3 and self._surface == "auto":
@@ -230,11 +255,41 @@ class Mesh:
         if not moved.any():
             return self
         points = self._points.copy()
-        if self._plane is None:
+        if self._projection is not None:
+            points[moved, :2] = self._projection.unproject(xy[moved])
+        elif self._plane is None:
             points[moved, :2] = xy[moved]
         else:
             points[moved] += self._plane.displacement(xy[moved] - self._xy[moved])
         return self._at(points)
+
+    def with_geographic(self, geographic: bool | None) -> Mesh:
+        """Make a mesh whose x and y are, or are no, longitudes and latitudes in degrees.
+
+        All else stays. None leaves it as it is.
+
+        Raises
+        ------
+        MeshError
+            If they can't be.
+        """
+        if geographic is None or geographic == self.geographic:
+            return self
+        mesh = Mesh(
+            self._points,
+            self.cells,
+            surface=self._surface,
+            fixed=self._topology.given_fixed,
+            regions=self.regions,
+            geographic=geographic,
+        )
+        return mesh.with_source(self._source, self._topology.lines)
+
+    def project(self, points: FloatArray) -> FloatArray:
+        """Coordinates of points in the plane of the mesh, (n, 2); read-only, not checked."""
+        if self._projection is not None:
+            return read_only(self._projection.project(points))
+        return coordinates(points, self._plane)
 
     def with_fixed(self, fixed: npt.ArrayLike | None) -> Mesh:
         """Make a mesh whose vertices here must not move, instead of those fixed before.
@@ -308,7 +363,7 @@ class Mesh:
         """`with_points` without the checks; takes the array over."""
         mesh = self._copy()
         mesh._points = read_only(points)
-        mesh._xy = coordinates(points, self._plane)
+        mesh._xy = self.project(points)
         return mesh
 
 

@@ -48,7 +48,7 @@ class Smoother:
     ----------
     mesh
         A `Mesh`, a pair ``(points, cells)``, or a mesh of meshio. It is not changed.
-    method, constraints, options
+    method, constraints, geographic, options
         As in `smooth`. What `target` says is read from this mesh; only a function of places is
         asked again by ``smoother(points)``. Which vertices and cells `fixed` and `selection` mean
         is found here, too.
@@ -72,10 +72,11 @@ class Smoother:
         method: str | Method = "auto",
         *,
         constraints: Constraints | None = None,
+        geographic: bool | None = None,
         **options: Any,
     ) -> None:
         self._given, self._chosen = method_of(method, options, constraints)
-        self._mesh = to_mesh(mesh)
+        self._mesh = to_mesh(mesh, geographic=geographic)
         self._method = self._given.resolved(self._mesh)
         self._begin()
 
@@ -239,6 +240,7 @@ class _Tables:
         self._places = np.argsort(self._ids) if self._ids is not None else None
         self._given, self._inside = np.empty((n, 2)), np.empty((n, 2))
         self._space = np.empty((n, 3)) if mesh.plane is not None else None
+        self._rounded = mesh.plane is not None or mesh.projection is not None
         has_depth = mesh.surface == "flat" and mesh.points.shape[1] == 3
         self._depths = Depths(mesh) if has_depth and method.carry == "interpolate" else None
         self._column, self._unused = np.empty(n), ~mesh.topology.used
@@ -251,20 +253,27 @@ class _Tables:
         if record is None:
             checked_points(points)
             raise MeshError("points must be finite coordinates")
-        if self._space is not None:
-            return self._put_in_plane(points, out, record)
+        depths = self._depths
+        if self._rounded:
+            given = None if depths is None else (points.copy(), self._given.copy())
+            record = self._put_in_plane(points, out, record)
+            if depths is not None and given is not None:
+                np.copyto(out[:, 2], depths.carry(*given, self._back()))
+            return record
         xy = self._back()
-        depths = None if self._depths is None else self._depths.carry(points, self._given, xy)
+        z = None if depths is None else depths.carry(points, self._given, xy)
         np.copyto(out, points)
         np.copyto(out[:, :2], xy)
-        if depths is not None:
-            np.copyto(out[:, 2], depths)
+        if z is not None:
+            np.copyto(out[:, 2], z)
         return record
 
     def _come_in(self, points: FloatArray) -> FloatArray:
         """Coordinates in the plane and in the order inside, (n, 2)."""
         plane = self._mesh.plane
-        if plane is None or self._space is None:
+        if self._mesh.projection is not None:
+            np.copyto(self._given, self._mesh.projection.project(points))
+        elif plane is None or self._space is None:
             np.copyto(self._given, points[:, :2])
         else:
             np.subtract(points, plane.origin, out=self._space)
@@ -281,15 +290,19 @@ class _Tables:
         return np.take(xy, self._places, axis=0, out=self._inside, mode="clip")
 
     def _put_in_plane(self, points: FloatArray, out: FloatArray, record: StepRecord) -> StepRecord:
-        """Write down moves in space, certified once more as they are rounded."""
+        """Write down moves in space, or in degrees, certified once more as they are rounded."""
         plane, space, stepper = self._mesh.plane, self._space, self.stepper
-        assert plane is not None
-        assert space is not None
-        given, moves = points.copy(), self._back() - self._given
+        given, xy = points.copy(), self._back()
+        moves = xy - self._given
         moved = (moves != 0.0).any(axis=1)
-        np.matmul(moves, plane.axes, out=space)
         np.copyto(out, given)
-        np.add(given, space, out=out, where=moved[:, None])
+        if self._mesh.projection is not None:
+            out[moved, :2] = self._mesh.projection.unproject(xy[moved])
+        else:
+            assert plane is not None
+            assert space is not None
+            np.matmul(moves, plane.axes, out=space)
+            np.add(given, space, out=out, where=moved[:, None])
         was_invalid = stepper.figures.invalid()
         while True:
             broken = stepper.go_on_from(self._come_in(out), was_invalid)

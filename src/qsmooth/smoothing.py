@@ -22,6 +22,7 @@ def smooth(
     *,
     constraints: Constraints | None = None,
     progress: bool | Shown | None = None,
+    geographic: bool | None = None,
     **options: Any,
 ) -> SmoothResult:
     """Make a mesh better by moving its vertices; the cells stay as they are.
@@ -42,6 +43,9 @@ def smooth(
         True shows how far it is: a bar on a terminal or in a notebook, else a line on standard
         error in the end. A function is called with each `SweepRecord`, the sweeps so far, and the
         most that there can be, None where that is not known. By default nothing is shown.
+    geographic
+        Whether x and y are longitudes and latitudes in degrees, see `Mesh`; by default what the
+        mesh, or its file, says.
     options
         Options of the method, described there. All have ``max_sweeps``, ``time_limit``,
         ``threads``, ``callback``, ``carry``, ``interpolate``, and the fields of `Constraints`:
@@ -65,7 +69,7 @@ def smooth(
     """
     method, chosen = method_of(method, options, constraints)
     with watched(method, progress) as shown:
-        return shown.smooth(to_mesh(mesh), chosen)
+        return shown.smooth(to_mesh(mesh, geographic=geographic), chosen)
 
 
 def untangle(
@@ -73,6 +77,7 @@ def untangle(
     *,
     constraints: Constraints | None = None,
     progress: bool | Shown | None = None,
+    geographic: bool | None = None,
     **options: Any,
 ) -> SmoothResult:
     """Make an invalid mesh valid by moving vertices, and stop there; see `Untangle`.
@@ -81,7 +86,7 @@ def untangle(
     ----------
     mesh
         A `Mesh`, a pair ``(points, cells)``, or a mesh of meshio. It is not changed.
-    constraints, progress, options
+    constraints, progress, geographic, options
         As in `smooth`. Options are ``max_sweeps`` (20,000), ``time_limit``, ``threads``,
         ``callback``, and the fields of `Constraints`.
 
@@ -101,7 +106,7 @@ def untangle(
     """
     given = _with_constraints(options, constraints)
     with watched(all_methods()["untangle"].of(given), progress) as shown:
-        return shown.smooth(to_mesh(mesh))
+        return shown.smooth(to_mesh(mesh, geographic=geographic))
 
 
 def compare(
@@ -109,6 +114,7 @@ def compare(
     names: Iterable[str | Method] | None = None,
     *,
     constraints: Constraints | None = None,
+    geographic: bool | None = None,
     **options: Any,
 ) -> tuple[dict[str, SmoothResult], dict[str, str]]:
     """Smooth a mesh with several methods, each from the same start.
@@ -119,7 +125,7 @@ def compare(
         A `Mesh`, a pair ``(points, cells)``, or a mesh of meshio.
     names
         Methods, by name or with their options; all by default.
-    constraints
+    constraints, geographic
         As in `smooth`.
     options
         Each goes to the methods given by name that take it: that have it and, where it is a
@@ -137,7 +143,7 @@ def compare(
     ValueError, TypeError, MeshError
         As in `smooth`; an option that none of the methods has is a TypeError.
     """
-    mesh = to_mesh(mesh)
+    mesh = to_mesh(mesh, geographic=geographic)
     options = _with_constraints(options, constraints)
     chosen = numbered(configured(methods() if names is None else names, options))
     skipped = {name: spelled(why) for name, m in chosen.items() if (why := m.why_not(mesh))}

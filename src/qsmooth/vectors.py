@@ -60,15 +60,22 @@ def directions_of(mesh: Mesh, directions: Any) -> FloatArray:
         If they are not as many as the vertices, or the mesh's file has none of that name.
     """
     if isinstance(directions, str):
-        return unit_vectors(_of_file(mesh, directions))
+        return _turned(mesh, unit_vectors(_of_file(mesh, directions)))
     array = np.asarray(directions)
     if array.ndim == 1:
-        return np.tile(array, (mesh.n_vertices, 1))
+        return _turned(mesh, np.tile(array, (mesh.n_vertices, 1)))
     if len(array) != mesh.n_vertices:
         raise OptionError(
             f"`directions` must have the shape ({mesh.n_vertices}, 2), got {array.shape}"
         )
-    return array
+    return _turned(mesh, array)
+
+
+def _turned(mesh: Mesh, vectors: FloatArray) -> FloatArray:
+    """Vectors that go east and north, as they lie on the map of a mesh in degrees."""
+    if mesh.projection is None:
+        return vectors
+    return mesh.projection.turned(mesh.points, vectors)
 
 
 def unit_vectors(vectors: npt.NDArray[np.float64]) -> FloatArray:

@@ -44,13 +44,15 @@ def adapters() -> tuple[Adapter, ...]:
     return tuple(cast("Adapter", import_module(f"{__name__}.{name}")) for name in names)
 
 
-def to_mesh(obj: Any, *, surface: Surface = "auto") -> Mesh:
+def to_mesh(obj: Any, *, surface: Surface = "auto", geographic: bool | None = None) -> Mesh:
     """Take a mesh, a pair ``(points, cells)`` or a mesh of another library as a `Mesh`.
 
     Parameters
     ----------
     surface
         What a third coordinate means, see `Mesh`; a `Mesh` has had that said already.
+    geographic
+        Whether x and y are longitudes and latitudes, see `Mesh`; None for what it says itself.
 
     Raises
     ------
@@ -60,10 +62,11 @@ def to_mesh(obj: Any, *, surface: Surface = "auto") -> Mesh:
         If it is no mesh that can be smoothed.
     """
     if isinstance(obj, Mesh):
-        return obj
+        return obj.with_geographic(geographic)
     if isinstance(obj, tuple) and len(obj) == 2:
-        return Mesh(*obj, surface=surface)
-    return _adapter(obj).to_mesh(obj, surface=surface)
+        return Mesh(*obj, surface=surface, geographic=bool(geographic))
+    flat: Surface = "flat" if geographic else surface
+    return _adapter(obj).to_mesh(obj, surface=flat).with_geographic(geographic)
 
 
 def back(mesh: Mesh, obj: Any) -> Any:

@@ -33,6 +33,7 @@ def compare(
     merge: files.MergeOption = False,
     merge_tolerance: files.MergeToleranceOption = None,
     surface: files.SurfaceOption = files.Surface.auto,
+    geographic: files.GeographicOption = None,
     format: files.FormatOption = None,
     json_file: files.JsonOption = None,
     debug: files.DebugOption = False,
@@ -45,7 +46,7 @@ def compare(
     within = files.merge_within(merge, merge_tolerance)
     options = options or {}
     chosen = with_options(method_names(methods), options)
-    mesh = files.read(mesh_file, surface, format, within)
+    mesh = files.read(mesh_file, surface, format, geographic, within)
     results, skipped = run_all(mesh, chosen)
     facts = {
         "input": str(mesh_file),

@@ -25,6 +25,7 @@ def convert(
     merge: files.MergeOption = False,
     merge_tolerance: files.MergeToleranceOption = None,
     surface: files.SurfaceOption = files.Surface.auto,
+    geographic: files.GeographicOption = None,
     format: files.FormatOption = None,
     output_format: files.OutputFormatOption = None,
     json_file: files.JsonOption = None,
@@ -38,7 +39,7 @@ def convert(
 
     files.refuse_unsafe(mesh_file, output, overwrite, json_file)
     within = files.merge_within(merge, merge_tolerance)
-    mesh = files.read(mesh_file, surface, format, within)
+    mesh = files.read(mesh_file, surface, format, geographic, within)
     before = str(getattr(mesh.source, "format", ""))
     after = format_of(output, mesh, format=output_format)
     lost: list[str] = []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import warnings
 from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
@@ -15,7 +16,7 @@ from qsmooth._json import finite
 from qsmooth._words import plural
 from qsmooth.cli.options import FILES, REPORT
 from qsmooth.cli.terminal import say, status, write
-from qsmooth.errors import MeshError
+from qsmooth.errors import MeshError, MeshWarning
 
 if TYPE_CHECKING:
     from qsmooth.mesh import Mesh
@@ -62,6 +63,15 @@ SurfaceOption = Annotated[
         help="What z means: [b]auto[/b], the mesh lies in one plane; [b]flat[/b], z is a value on "
         "a mesh in x and y, such as depth; where vertices move it is interpolated. In fort.14, "
         "gr3, 2dm, MIKE and Selafin files it always is one.",
+        rich_help_panel=FILES,
+    ),
+]
+GeographicOption = Annotated[
+    bool | None,
+    typer.Option(
+        "--geographic/--no-geographic",
+        help="Whether x and y are longitudes and latitudes in degrees: angles are then the true "
+        "ones, lengths in metres. By default what the file says.",
         rich_help_panel=FILES,
     ),
 ]
@@ -129,19 +139,33 @@ def merge_within(merge: bool, tolerance: float | None) -> float | None:
     return tolerance
 
 
-def read(path: Path, surface: Surface, format: str | None, within: float | None = None) -> Mesh:
+def read(
+    path: Path,
+    surface: Surface,
+    format: str | None,
+    geographic: bool | None = None,
+    within: float | None = None,
+) -> Mesh:
     """Read a mesh; weld its seams, `within` a share of their edges, or point them out."""
+    from qsmooth.geographic import look_like_degrees
     from qsmooth.io import read_mesh
     from qsmooth.merging import TOLERANCE, find_seams, merge
 
     with status(f"reading {path}"):
-        mesh = read_mesh(path, surface=surface.value, format=format)
+        mesh = read_mesh(path, surface=surface.value, format=format, geographic=geographic)
         seams = find_seams(mesh, TOLERANCE if within is None else within)
-        if within is None:
-            if seams.n_edges:
-                say(f"warning: '{path}': {seams}, and stay apart; --merge welds them")
-            return mesh
-        merged = merge(mesh, within)
+        merged = mesh if within is None else merge(mesh, within)
+    if geographic is None and not mesh.geographic and look_like_degrees(mesh.points):
+        warnings.warn(
+            f"'{path}': coordinates look like degrees, and are taken as lengths; --geographic "
+            "takes them as longitudes and latitudes, --no-geographic says that they are none",
+            MeshWarning,
+            stacklevel=2,
+        )
+    if within is None:
+        if seams.n_edges:
+            say(f"warning: '{path}': {seams}, and stay apart; --merge welds them")
+        return mesh
     say(
         f"'{path}': {seams}, {plural(mesh.n_vertices - merged.n_vertices, 'vertex', 'vertices')} "
         "merged"

@@ -18,6 +18,7 @@ def info(
     merge: files.MergeOption = False,
     merge_tolerance: files.MergeToleranceOption = None,
     surface: files.SurfaceOption = files.Surface.auto,
+    geographic: files.GeographicOption = None,
     format: files.FormatOption = None,
     json_file: files.JsonOption = None,
     debug: files.DebugOption = False,
@@ -34,7 +35,7 @@ def info(
         raise ValueError(f"--ids must be 0 or more, got {ids}")
     files.refuse_clash(json_file, mesh_file)
     within = files.merge_within(merge, merge_tolerance)
-    facts = inspect(files.read(mesh_file, surface, format, within))
+    facts = inspect(files.read(mesh_file, surface, format, geographic, within))
     with files.Outputs() as outputs:
         if not outputs.put_json(json_file, {"input": str(mesh_file), **facts.to_dict(ids)}):
             terminal.write_heading(str(mesh_file))

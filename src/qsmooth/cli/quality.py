@@ -82,6 +82,7 @@ def quality(
     merge: files.MergeOption = False,
     merge_tolerance: files.MergeToleranceOption = None,
     surface: files.SurfaceOption = files.Surface.auto,
+    geographic: files.GeographicOption = None,
     format: files.FormatOption = None,
     json_file: files.JsonOption = None,
     debug: files.DebugOption = False,
@@ -103,7 +104,7 @@ def quality(
     files.refuse_clash(junit, mesh_file, *filter(None, [json_file]), option="--junit")
     started = time.perf_counter()
     within = files.merge_within(merge, merge_tolerance)
-    mesh = files.read(mesh_file, surface, format, within)
+    mesh = files.read(mesh_file, surface, format, geographic, within)
     measured = measure(mesh)
     summary, bounds = measured.summary(shown), limits(mesh)
     checks = _checks(measured, gates, fail_invalid)

@@ -30,6 +30,7 @@ def smooth(
     merge: files.MergeOption = False,
     merge_tolerance: files.MergeToleranceOption = None,
     surface: files.SurfaceOption = files.Surface.auto,
+    geographic: files.GeographicOption = None,
     format: files.FormatOption = None,
     output_format: files.OutputFormatOption = None,
     plot: Annotated[
@@ -71,7 +72,7 @@ def smooth(
         require_matplotlib()
     options = options or {}
     chosen, why = running.method_with(method, options)
-    mesh = files.read(mesh_file, surface, format, within)
+    mesh = files.read(mesh_file, surface, format, geographic, within)
     files.require_format(output, mesh, output_format, chosen.interpolate)
     result = running.run_to_end(mesh, chosen, output, why, format=output_format, keep=keep_best)
     limits = running.limits_of(mesh, result, chosen)

@@ -20,6 +20,7 @@ def untangle(
     merge: files.MergeOption = False,
     merge_tolerance: files.MergeToleranceOption = None,
     surface: files.SurfaceOption = files.Surface.auto,
+    geographic: files.GeographicOption = None,
     format: files.FormatOption = None,
     output_format: files.OutputFormatOption = None,
     json_file: files.JsonOption = None,
@@ -38,7 +39,7 @@ def untangle(
     within = files.merge_within(merge, merge_tolerance)
     options = options or {}
     method = all_methods()["untangle"].of(options)
-    mesh = files.read(mesh_file, surface, format, within)
+    mesh = files.read(mesh_file, surface, format, geographic, within)
     files.require_format(output, mesh, output_format, method.interpolate)
     result = running.run_to_end(mesh, method, output, format=output_format, keep=keep_best)
     n_invalid = result.after.n_invalid

@@ -46,7 +46,13 @@ PathLike: TypeAlias = str | os.PathLike[str]
 HEAD = 1 << 16  # bytes that tell a format; comments may come first
 
 
-def read_mesh(path: PathLike, *, surface: Surface = "auto", format: str | None = None) -> Mesh:
+def read_mesh(
+    path: PathLike,
+    *,
+    surface: Surface = "auto",
+    format: str | None = None,
+    geographic: bool | None = None,
+) -> Mesh:
     """Read a mesh from a file.
 
     Parameters
@@ -58,6 +64,8 @@ def read_mesh(path: PathLike, *, surface: Surface = "auto", format: str | None =
         "flat" takes z for a field on a flat mesh; see `Mesh`. Of hydrodynamic formats it is one.
     format
         Name of a format, one of `formats()`, if the ending does not say it.
+    geographic
+        Whether x and y are longitudes and latitudes in degrees; by default what the file says.
 
     Raises
     ------
@@ -68,7 +76,7 @@ def read_mesh(path: PathLike, *, surface: Surface = "auto", format: str | None =
     try:
         content = _read(path, format)
         content.ending = path.suffix.lower()
-        mesh = content.to_mesh(surface)
+        mesh = content.to_mesh(surface, geographic)
     except MeshError as error:
         message = str(error)
         if str(path) not in message:

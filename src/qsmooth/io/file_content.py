@@ -11,6 +11,7 @@ import numpy as np
 from qsmooth._types import BoolArray, FloatArray, IndexArray
 from qsmooth.checks import counted
 from qsmooth.errors import MeshError
+from qsmooth.geographic import no_degrees
 from qsmooth.io.in_place import InPlace, Slots
 from qsmooth.io.text import line_of
 
@@ -226,12 +227,24 @@ class FileContent:
             where += f", line {line_of(self.data, int(self.places[block][row]))}"
         return where
 
-    def to_mesh(self, surface: Surface) -> Mesh:
-        """Mesh of the triangles and quads, which carries this content with it."""
+    def to_mesh(self, surface: Surface, geographic: bool | None = None) -> Mesh:
+        """Mesh of the triangles and quads, which carries this content with it.
+
+        Parameters
+        ----------
+        geographic
+            Whether x and y are longitudes and latitudes; by default what the file says.
+        """
         # Here, as Mesh brings Numba, which reading a list of formats does not need.
         from qsmooth.mesh import Mesh
 
         self.check()
+        if geographic is None and self.geographic and no_degrees(self.points).any():
+            self.notes += (
+                "degrees are declared, but the coordinates can be none: taken as lengths",
+            )
+            geographic = False
+        self.geographic = self.geographic if geographic is None else geographic
         regions = None
         if self.tags is not None:
             regions = np.concatenate([self.tags[b] for b in self.faces])
@@ -242,6 +255,7 @@ class FileContent:
             surface="flat" if self.z_means else surface,
             regions=regions,
             fixed=self.held,
+            geographic=self.geographic,
         )
         return mesh.with_source(self, np.concatenate([np.empty((0, 2), np.int64), *lines]))
 
@@ -279,6 +293,7 @@ def of_mesh(mesh: Mesh) -> FileContent:
         "points": np.array(mesh.points),
         "turned": mesh.topology.turned,
         "tilted": mesh.plane is not None,
+        "geographic": mesh.geographic,
     }
     if isinstance(source, FileContent):
         fields = {

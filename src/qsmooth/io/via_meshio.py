@@ -15,8 +15,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from qsmooth.errors import MeshError
+from qsmooth.io.apart import apart
 from qsmooth.io.file_content import FileContent, region_tags
 from qsmooth.io.files import reason, replace_file
+from qsmooth.io.library_arrays import LIBRARIES, find_arrays
+from qsmooth.io.missing import lacking, require
 
 if TYPE_CHECKING:
     import meshio
@@ -25,6 +28,8 @@ if TYPE_CHECKING:
 NOT_MESHES = frozenset(("svg", "neuroglancer"))
 # One mesh in several files cannot be replaced in one step.
 SEVERAL_FILES = frozenset(("tetgen", "xdmf"))
+# What has some of these put all into one.
+ALONE = {"xdmf": {"data_format": "XML"}}
 # Readers that go on reading for ever where a file ends too early, and whether they read text.
 ENDLESS = {"ansys": False, "mdpa": False, "tecplot": True}
 MOST_ENDS = 1000
@@ -41,6 +46,8 @@ BEGINNINGS = (
     ("nastran", rb"(\$[^\n]*\n\s*)*(SOL\s+\d|CEND\b|BEGIN\s+BULK|GRID[\s,*])"),
     ("wkt", rb"TIN\s*Z?\s*\(\("),
 )
+# Names of files with the numbers of an XDMF file.
+BESIDE = re.compile(rb"([\w.+-]+\.(?:h5|hdf5|hdf|bin))\b")
 
 
 def loaded() -> Any:
@@ -87,11 +94,33 @@ def readers() -> frozenset[str]:
 
 def writers() -> frozenset[str]:
     """Names of those that it has a writer for, and that `write` takes."""
-    return frozenset(loaded()._helpers._writer_map) - SEVERAL_FILES
+    return frozenset(loaded()._helpers._writer_map) - (SEVERAL_FILES - ALONE.keys())
 
 
 def read(path: Path, name: str) -> FileContent:
-    """Read through meshio; every way in which it fails is a MeshError."""
+    """Read through meshio; every way in which it fails is a MeshError.
+
+    Formats that are read by libraries in C are read in a process of its own.
+    """
+    if name not in LIBRARIES and name != "xdmf":
+        return read_here(path, name)
+    if name in LIBRARIES:
+        require(LIBRARIES[name], f"format {name}")
+    content: FileContent = apart(f"{__name__}:read_here", _size(path), path, name)
+    return content
+
+
+def _size(path: Path) -> int:
+    """Bytes of a file, and of those beside it that it names."""
+    data = path.read_bytes()
+    named = {match.decode() for match in BESIDE.findall(data)} if data[:1] == b"<" else set()
+    beside = [path.parent / name for name in named]
+    sizes: list[int] = [one.stat().st_size for one in beside if one.is_file()]
+    return len(data) + sum(sizes)
+
+
+def read_here(path: Path, name: str) -> FileContent:
+    """Read through meshio, in this process."""
     meshio = loaded()
 
     with _quiet() as said, _as_mesh_error(said):
@@ -99,6 +128,8 @@ def read(path: Path, name: str) -> FileContent:
         mesh = meshio.read(file, file_format=name)
     content = content_of(mesh)
     content.format = name
+    if name in LIBRARIES:
+        content.slots = find_arrays(path.read_bytes(), name, content.points)
     return content
 
 
@@ -106,14 +137,15 @@ def write(content: FileContent, path: Path, name: str) -> list[str]:
     """Write through meshio, read back what was written and list what is missing there."""
     meshio = loaded()
 
-    if name in SEVERAL_FILES:
+    options = ALONE.get(name, {})
+    if name in SEVERAL_FILES and not options:
         raise MeshError(f"cannot write '{path}': format {name} takes several files")
     mesh = meshio_of(content)
     lost: list[str] = []
 
     def fill(temporary: Path) -> None:
         with _quiet() as said, _as_mesh_error(said, f"cannot write '{path}' as {name}"):
-            meshio.write(temporary, mesh, file_format=name)
+            meshio.write(temporary, mesh, file_format=name, **options)
             back = meshio.read(temporary, file_format=name)
         if np.ndim(back.points) != 2 or len(back.points) == 0:
             raise MeshError(f"cannot write '{path}': format {name} holds none of these cells")
@@ -242,6 +274,8 @@ def _quiet() -> Iterator[io.StringIO]:
 def _as_mesh_error(said: io.StringIO, what: str = "") -> Iterator[None]:
     try:
         yield
+    except ImportError as error:
+        raise lacking(error.name or str(error), what or "this format") from error
     except (Exception, SystemExit) as error:  # meshio leaves the interpreter on a bad file
         words = " ".join(said.getvalue().split()) or str(error) or type(error).__name__
         if isinstance(error, OSError) and error.strerror:

@@ -39,6 +39,9 @@ LEAST_ANGLE_GAIN = 0.01
 LEAST_SHAPE_GAIN = 1e-4
 # The "quality" guard lets a cell get worse only down to this scaled Jacobian.
 GOOD_SCALED_JACOBIAN = 0.5
+# Degrees of longitude that a cell spans at most to be held valid in degrees, too: next to a pole
+# they say nothing of its shape.
+MOST_SPAN = 10.0
 
 
 def _nothing(xy: FloatArray) -> None:
@@ -368,27 +371,41 @@ def stored(
 ) -> Mesh:
     """Give the mesh its new coordinates, certified as they are stored, unless it is not guarded.
 
-    In x and y what was certified is what is stored. Points of a tilted plane are rounded once
-    more: where that costs a corner, by a hair, the cell's vertices go back to where they were, and
-    so do those that it takes beyond their reach.
+    In x and y what was certified is what is stored. Points of a tilted plane, and those in
+    degrees, are rounded once more, and edges that are straight in degrees are curved on the map:
+    where that costs a corner, by a hair, the cell's vertices go back to where they were, and so do
+    those that it takes beyond their reach.
     """
     marked = moved(mesh, xy)
     result = mesh.with_xy(xy, marked)
-    if mesh.plane is None or result is mesh:
+    if (mesh.plane is None and mesh.projection is None) or result is mesh:
         return result
-    was_valid = np.zeros(mesh.n_cells, np.bool_)
-    if guarded:
-        was_valid = quality(mesh).validity == Validity.VALID
+    were_valid = _valid_in_each_plane(mesh) if guarded else []
     while True:
-        lost = was_valid & (quality(result).validity != Validity.VALID)
+        lost = np.zeros(mesh.n_cells, np.bool_)
+        for was, now in zip(were_valid, _valid_in_each_plane(result), strict=False):
+            lost |= was & ~now
         beyond = np.zeros_like(marked)
         if freedom is not None:
-            beyond = marked & freedom.beyond(result.points - mesh.points)
+            moves = result.points - mesh.points if mesh.projection is None else result.xy - mesh.xy
+            beyond = marked & freedom.beyond(moves)
         if not (lost.any() or beyond.any()):
             return result
         marked[mesh.cell_vertices[np.repeat(lost, mesh.topology.cell_sizes)]] = False
         marked &= ~beyond
         result = mesh.with_xy(xy, marked)
+
+
+def _valid_in_each_plane(mesh: Mesh) -> list[BoolArray]:
+    """Mark the valid cells as they are measured and, if other, in degrees."""
+    found = [quality(mesh).validity == Validity.VALID]
+    if mesh.projection is not None:
+        degrees = mesh.projection.unrolled(mesh.points)
+        longitudes, starts = degrees[mesh.cell_vertices, 0], mesh.cell_offsets[:-1]
+        spans = np.maximum.reduceat(longitudes, starts) - np.minimum.reduceat(longitudes, starts)
+        in_degrees = Quality(mesh.topology, degrees).validity == Validity.VALID
+        found.append(in_degrees | (spans > MOST_SPAN))
+    return found
 
 
 def _improves(records: list[SweepRecord]) -> bool:

@@ -73,7 +73,11 @@ class Limits:
 
 
 def limits(
-    mesh: Any, *, keep_interfaces: bool = True, movable: npt.ArrayLike | None = None
+    mesh: Any,
+    *,
+    keep_interfaces: bool = True,
+    movable: npt.ArrayLike | None = None,
+    geographic: bool | None = None,
 ) -> Limits:
     """Bound the smallest and the largest angle that any placement of the vertices can have.
 
@@ -88,6 +92,8 @@ def limits(
         count as free to go anywhere. That holds of vertices that slide, too, but is not the best
         that can be said of them: the limits that `optimize` tells, and those that the shell shows
         of every method, know how far edges along the boundary can turn.
+    geographic
+        Whether x and y are longitudes and latitudes in degrees; by default what the mesh says.
 
     Returns
     -------
@@ -100,7 +106,7 @@ def limits(
     ValueError
         If `movable` is no such mask.
     """
-    mesh = to_mesh(mesh)
+    mesh = to_mesh(mesh, geographic=geographic)
     topology = mesh.topology
     kept = [*kept_by(topology, keep_interfaces)]
     if movable is None:

@@ -294,13 +294,16 @@ class Quality:
         )
 
 
-def quality(mesh: Any) -> Quality:
+def quality(mesh: Any, *, geographic: bool | None = None) -> Quality:
     """Measure every cell of a mesh.
 
     Parameters
     ----------
     mesh
         A `Mesh`, a pair ``(points, cells)``, or a mesh of meshio.
+    geographic
+        Whether x and y are longitudes and latitudes in degrees, see `Mesh`: then angles are the
+        true ones, lengths in metres. By default what the mesh says.
 
     Returns
     -------
@@ -315,7 +318,7 @@ def quality(mesh: Any) -> Quality:
     MeshError
         If a pair is no mesh.
     """
-    mesh = to_mesh(mesh)
+    mesh = to_mesh(mesh, geographic=geographic)
     key = id(mesh.topology), id(mesh.points)
     found = _measured.get(key)
     if found is None:
