@@ -116,6 +116,32 @@ MFEM = (
     "7 3 0 1 4 3\n8 3 1 2 5 4\n8 2 2 6 5\n\nboundary\n1\n9 1 0 1\n\nvertices\n8\n2\n"
     + "".join(f"{x} {y}\n" for x, y in POINTS)
 )
+XDA = (
+    "libMesh-1.8.0\n3\t # number of elements\n8\t # number of nodes\n"
+    ".\t # boundary condition specification file\n.\t # subdomain id specification file\n"
+    "n/a\t # processor id specification file\nn/a\t # p-level specification file\n"
+    "8\t # type size\n8\t # uid size\n0\t # pid size\n8\t # sid size\n0\t # p-level size\n"
+    "8\t # eid size\n8\t # side size\n8\t # bid size\n0\t # extra integer size\n"
+    + 3
+    * "0\t # vector length\n\t # names\n"
+    + "1\t # subdomain id to name map\n1\t # vector length\n7\t \n1\t # vector length\nleft\t \n"
+    "3\t # n_elem at level 0, [ type uid sid (n0 ... nN-1) ]\n"
+    "5 8 7 0 1 4 3\n5 9 8 1 2 5 4\n3 10 8 2 6 5\n"
+    + XYZ
+    + "1\t # presence of unique ids\n0\n1\n2\n3\n4\n5\n6\n7\n"
+    "1\t # sideset id to name map\n1\t # vector length\n9\t \n1\t # vector length\nshore\t \n"
+    "2\t # number of side boundary conditions\n0 0 9\n1 0 9\n"
+    "1\t # nodeset id to name map\n1\t # vector length\n4\t \n1\t # vector length\nislet\t \n"
+    "2\t # number of nodesets\n7 4\n3 5\n"
+    "0\t # sideset id to name map\n0\t # number of edge boundary conditions\n"
+    "0\t # sideset id to name map\n0\t # number of shellface boundary conditions\n"
+)
+XDA07 = (
+    "libMesh-0.7.0+\t \n3\t\t # number of elements\n8\t\t # number of nodes\n"
+    ".\t\t # boundary\n.\t\t # subdomain\nn/a\t\t # processor\nn/a\t\t # p-level\n"
+    "3\t\t # n_elem at level 0, [ type sid (n0 ... nN-1) ]\n"
+    "5 7 0 1 4 3\n5 8 1 2 5 4\n3 8 2 6 5\n" + XYZ + "1     # number of boundary conditions\n0 0 3\n"
+)
 
 
 def vtu_arrays(points: str, cells: tuple[str, str, str], head: str = "") -> str:
@@ -256,6 +282,8 @@ FILES: dict[str, tuple[str | bytes, list[int] | None, int]] = {
     "ucd.inp": (UCD, [7, 8, 8], 1),
     "medit.mesh": (MEDIT, [7, 8, 8], 1),
     "mfem.mesh": (MFEM, [7, 8, 8], 1),
+    "a.xda": (XDA, [7, 8, 8], 2),
+    "v07.xda": (XDA07, [7, 8, 8], 1),
 }
 TEXT = [name for name, (content, _, _) in FILES.items() if isinstance(content, str)]
 

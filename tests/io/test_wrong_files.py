@@ -16,6 +16,7 @@ from format_samples import (
     PLY,
     SU2,
     UCD,
+    XDA,
     content_of,
 )
 from qsmooth.errors import MeshError, MeshWarning
@@ -41,6 +42,7 @@ SECOND_ORDER = {
     "ucd.inp": (UCD.replace("3 8 tri 25 65 55", "3 8 tri6 25 65 55 5 15 35"), "triangle6"),
     "medit.mesh": (MEDIT.replace("End", "TrianglesP2 1\n1 2 3 4 5 6 0\nEnd"), "triangle6"),
     "mfem.mesh": (MFEM.replace("8 2 2 6 5", "8 4 2 6 5 3"), "tetra"),
+    "a.xda": (XDA.replace("3 10 8 2 6 5\n", "4 10 8 2 6 5 0 1 2\n"), "triangle6 .*line 31"),
 }  # fmt: skip
 
 
@@ -107,6 +109,13 @@ WRONG = [
     ("mfem.mesh", "elements\n3", "elements\n2", "is no section"),
     ("mfem.mesh", "MFEM mesh v1.0", "MFEM NURBS mesh v1.0", "only 'MFEM mesh'"),
     ("mfem.mesh", "vertices\n8\n2\n", "vertices\n8\nnodes\n", "curved"),
+    ("a.xda", "3\t # n", "4\t # n", "elements that were refined"),
+    ("a.xda", "8\t # number of nodes", "9\t # number of nodes", "line"),
+    ("a.xda", "5 9 8 1 2 5 4", "5 9 8 1 2 5", "a quad needs 7 numbers"),
+    ("a.xda", "5 9 8 1 2 5 4", "99 9 8 1 2 5 4", "element type 99"),
+    ("a.xda", "1 0 9", "2 3 9", "line 56: 1 conditions are on no side"),
+    ("a.xda", "7 4\n3 5", "7 4\n8 5", "line 64: there is no node 8"),
+    ("a.xda", "0\t # vector length", "1\t # vector length", "integers of nodes"),
 ]
 
 

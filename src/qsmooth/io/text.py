@@ -345,6 +345,8 @@ def blocks_by_id(
 def rows_of(*columns: npt.NDArray[Any]) -> list[str]:
     """Lines of text with the columns of arrays side by side; floats with all their digits."""
     parts: list[Any] = []
+    if len(columns[0]) == 0:
+        return []
     for array in columns:
         table = array.reshape(len(array), -1)
         show = str if table.dtype.kind in "iub" else repr

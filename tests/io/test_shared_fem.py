@@ -1,0 +1,94 @@
+"""Real meshes of finite element programs: each read as its table says, and written back."""
+
+import re
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mesh_figures import assert_only_coordinates_differ, close, figures
+from qsmooth.errors import MeshWarning
+from qsmooth.io import read_mesh, write_mesh
+
+# Line cells of each; the rest of what is known stands in the table beside the files.
+LINES = {
+    "libmesh_mixed_named.xda": 22,
+    "libmesh_h_channel_v070.xda": 34,
+    "libmesh_quad4_v180.xda": 8,
+}
+
+
+@pytest.fixture(scope="module")
+def more(shared_meshes: Path) -> Path:
+    folder = shared_meshes / "more"
+    if not folder.is_dir():
+        pytest.skip("the folder of more formats is not here")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def table(more: Path) -> dict[str, list[str]]:
+    lines = (more / "README.md").read_text().splitlines()
+    rows = [line.strip("|").split("|") for line in lines if line.startswith("|")]
+    return {row[0].rstrip("/"): row for row in rows[2:]}
+
+
+def read(path: Path):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", MeshWarning)
+        return read_mesh(path)
+
+
+@pytest.mark.parametrize("name", LINES)
+def test_counts_and_angles(more, table, name):
+    mesh = read(more / name)
+    counts = dict.fromkeys("vtq", 0)
+    counts |= {kind: int(n) for n, kind in re.findall(r"(\d+)([vtq])", table[name][2])}
+    corners = [cells.shape[1] for cells in mesh.cells for _ in cells]
+    assert corners.count(3) == counts["t"]
+    assert corners.count(4) == counts["q"]
+    places = re.search(r"(\d+) places", table[name][5])
+    assert mesh.n_vertices == int(places[1]) if places else counts["v"]
+    assert len(mesh.topology.lines) == LINES[name]
+    smallest, largest = table[name][4].split("/")
+    found = figures(mesh.points[:, :2], mesh.cells)
+    assert close(found["min"], smallest)
+    assert close(found["max"], largest)
+
+
+@pytest.mark.parametrize("name", LINES)
+def test_only_coordinates_change(more, tmp_path, name):
+    mesh = read(more / name)
+    copy = tmp_path / name
+    write_mesh(copy, mesh)
+    assert copy.read_bytes() == (more / name).read_bytes()
+    points = mesh.points.copy()
+    points[1::3, :2] += 1e-7
+    n_moved = len(points[1::3])
+    write_mesh(copy, mesh.with_points(points))
+    back = read(copy)
+    assert np.array_equal(back.points, points)
+    for old, new in zip(mesh.source.blocks, back.source.blocks, strict=True):
+        assert old[0] == new[0]
+        assert np.array_equal(old[1], new[1])
+    assert_only_coordinates_differ((more / name).read_bytes(), copy.read_bytes(), n_moved)
+
+
+def names_of(mesh, dimension: int) -> list[str]:
+    return [name for name, (_, of) in mesh.source.names.items() if of == dimension]
+
+
+def test_libmesh_names(more):
+    mesh = read(more / "libmesh_mixed_named.xda")
+    assert np.bincount(mesh.regions).tolist() == [15, 30]
+    assert names_of(mesh, 2) == ["quads"]
+    assert names_of(mesh, 1) == ["bottom", "top", "left", "right"]
+    assert list(mesh.source.point_sets) == ["bottom", "top", "left", "right"]
+    assert mesh.source.point_sets["left"].tolist() == [21, 24, 28, 31, 34, 38]
+    mesh = read(more / "libmesh_quad4_v180.xda")
+    assert mesh.regions.tolist() == [10, 11, 12, 13]
+    assert len(names_of(mesh, 2)) == len(names_of(mesh, 1)) == 4
+    mesh = read(more / "libmesh_h_channel_v070.xda")
+    sides = mesh.source.tags[-1]
+    assert np.bincount(sides).tolist() == [1, 1, 2, 30]
