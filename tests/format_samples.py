@@ -142,6 +142,44 @@ XDA07 = (
     "3\t\t # n_elem at level 0, [ type sid (n0 ... nN-1) ]\n"
     "5 7 0 1 4 3\n5 8 1 2 5 4\n3 8 2 6 5\n" + XYZ + "1     # number of boundary conditions\n0 0 3\n"
 )
+UNV = (
+    "    -1\n   164\n         1  SI: Meter (newton)         2\n    1.0    1.0    1.0\n    273.15\n"
+    "    -1\n    -1\n  2411\n"
+    + "".join(
+        f"{10 * i + 5:10}{1:10}{1:10}{11:10}\n{x:25.16E}{y:25.16E}{0:25.16E}\n"
+        for i, (x, y) in enumerate(POINTS)
+    )
+    + "    -1\n    -1\n  2412\n"
+    "        11        11         2         1         7         2\n         0         1         1\n"
+    "         5        15\n"
+    "        12        44         2         1         7         4\n"
+    "         5        15        45        35\n"
+    "        13        44         2         1         7         4\n"
+    "        15        25        55        45\n"
+    "        14        41         2         1         7         3\n        25        65        55\n"
+    "    -1\n    -1\n  2467\n"
+    "         1         0         0         0         0         0         0         1\nshore\n"
+    "         8        11         0         0\n"
+    "         2         0         0         0         0         0         0         1\nleft part\n"
+    "         8        12         0         0\n"
+    "         3         0         0         0         0         0         0         3\nright\n"
+    "         8        13         0         0         8        14         0         0\n"
+    "         7        75         0         0\n    -1\n"
+)
+UNV780 = (
+    "    -1\n   781\n"
+    + "".join(
+        f"{i + 1:10}{0:10}{0:10}{11:10}\n   {x:.16f}D+00   {y:.16f}D+00   0.0D+00\n"
+        for i, (x, y) in enumerate(POINTS)
+    )
+    + "    -1\n    -1\n   780\n"
+    "         1        94         1         1         1         7         7         4\n"
+    "         1         2         5         4\n"
+    "         2        94         1         1         1         8         7         4\n"
+    "         2         3         6         5\n"
+    "         3        91         1         1         1         8         7         3\n"
+    "         3         7         6\n    -1\n"
+)
 
 
 def vtu_arrays(points: str, cells: tuple[str, str, str], head: str = "") -> str:
@@ -284,6 +322,8 @@ FILES: dict[str, tuple[str | bytes, list[int] | None, int]] = {
     "mfem.mesh": (MFEM, [7, 8, 8], 1),
     "a.xda": (XDA, [7, 8, 8], 2),
     "v07.xda": (XDA07, [7, 8, 8], 1),
+    "a.unv": (UNV, [1, 2, 2], 1),
+    "v780.unv": (UNV780, [7, 8, 8], 0),
 }
 TEXT = [name for name, (content, _, _) in FILES.items() if isinstance(content, str)]
 

@@ -16,6 +16,9 @@ LINES = {
     "libmesh_mixed_named.xda": 22,
     "libmesh_h_channel_v070.xda": 34,
     "libmesh_quad4_v180.xda": 8,
+    "salome_square.unv": 20,
+    "test46.unv": 32,
+    "test1427.unv": 48,
 }
 
 
@@ -92,3 +95,26 @@ def test_libmesh_names(more):
     mesh = read(more / "libmesh_h_channel_v070.xda")
     sides = mesh.source.tags[-1]
     assert np.bincount(sides).tolist() == [1, 1, 2, 30]
+
+
+def test_salome_groups_and_orientation(more):
+    mesh = read(more / "salome_square.unv")
+    assert names_of(mesh, 1) == ["1", "2", "3", "4"]
+    assert [len(sets[0]) for sets in mesh.source.cell_sets.values()] == [5, 5, 5, 5]
+    mesh = read(more / "test46.unv")
+    assert np.bincount(mesh.regions).tolist() == [0, 40, 24]
+    # Two groups of one name, faces and lines.
+    assert [len(rows) for rows in mesh.source.cell_sets["1"]] == [8, 24]
+    for name in ("test46.unv", "test1427.unv"):
+        mesh = read(more / name)
+        x, y = mesh.points[mesh.cells[0]][..., 0], mesh.points[mesh.cells[0]][..., 1]
+        assert ((x * np.roll(y, -1, 1) - np.roll(x, -1, 1) * y).sum(axis=1) < 0).all()
+
+
+def test_columns_of_a_universal_file_stay(more, tmp_path):
+    mesh = read(more / "salome_square.unv")
+    points = mesh.points / 3
+    write_mesh(tmp_path / "a.unv", mesh.with_points(points))
+    old = (more / "salome_square.unv").read_bytes().splitlines()
+    new = (tmp_path / "a.unv").read_bytes().splitlines()
+    assert list(map(len, new)) == list(map(len, old))

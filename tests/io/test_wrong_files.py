@@ -16,6 +16,7 @@ from format_samples import (
     PLY,
     SU2,
     UCD,
+    UNV,
     XDA,
     content_of,
 )
@@ -42,6 +43,10 @@ SECOND_ORDER = {
     "ucd.inp": (UCD.replace("3 8 tri 25 65 55", "3 8 tri6 25 65 55 5 15 35"), "triangle6"),
     "medit.mesh": (MEDIT.replace("End", "TrianglesP2 1\n1 2 3 4 5 6 0\nEnd"), "triangle6"),
     "mfem.mesh": (MFEM.replace("8 2 2 6 5", "8 4 2 6 5 3"), "tetra"),
+    "a.unv": (
+        UNV.replace("41         2         1         7         3\n", "42 2 1 7 6\n 5 15 35 "),
+        "triangle6 .*line 35",
+    ),
     "a.xda": (XDA.replace("3 10 8 2 6 5\n", "4 10 8 2 6 5 0 1 2\n"), "triangle6 .*line 31"),
 }  # fmt: skip
 
@@ -109,6 +114,18 @@ WRONG = [
     ("mfem.mesh", "elements\n3", "elements\n2", "is no section"),
     ("mfem.mesh", "MFEM mesh v1.0", "MFEM NURBS mesh v1.0", "only 'MFEM mesh'"),
     ("mfem.mesh", "vertices\n8\n2\n", "vertices\n8\nnodes\n", "curved"),
+    ("a.unv", "273.15\n    -1\n", "273.15\n", "a dataset has no end"),
+    ("a.unv", "  2411\n", "  2419\n", "no dataset of nodes"),
+    ("a.unv", "  2412\n", "  2419\n", "no dataset of elements"),
+    ("a.unv", "        25        65        55", "        25        65", "ends within an element"),
+    ("a.unv", "        25        65        55", "        25        65        56", "node id 56"),
+    (
+        "a.unv",
+        "        11         2         1         7         2",
+        "        11         2",
+        "no el",
+    ),
+    ("a.unv", "         0         3\nright", "         0         9\nright", "group of 9 members"),
     ("a.xda", "3\t # n", "4\t # n", "elements that were refined"),
     ("a.xda", "8\t # number of nodes", "9\t # number of nodes", "line"),
     ("a.xda", "5 9 8 1 2 5 4", "5 9 8 1 2 5", "a quad needs 7 numbers"),

@@ -12,6 +12,7 @@ from qsmooth._types import IndexArray
 from qsmooth.errors import MeshError
 from qsmooth.io.file_content import FACES, Block, FileContent
 from qsmooth.io.in_place import joined
+from qsmooth.io.sets import MOST_PARTS, by_block, members, partition
 from qsmooth.io.text import Text, blanked, blocks_by_id, finish, integers, line_of, rows_of
 
 NAME = "abaqus"
@@ -31,7 +32,6 @@ LINE = re.compile(
 LINE3 = re.compile(r"(?:T[23]D3|B[23]2|SAX2|DC1D3)[A-Z]*$")
 POINT = re.compile(r"(?:MASS|ROTARYI|SPRING1|DASHPOT1|HEATCAP)$")
 LONGEST_RANGE = 10**7  # ids of all GENERATE; a damaged number must not fill the memory
-MOST_PARTS = 10**6  # sets times blocks of elements: a set has an array for each block
 GENERATORS = ("NGEN", "NFILL", "NCOPY", "ELGEN", "ELCOPY", "NMAP")
 NOTHING = np.empty(0, np.int64)
 WRITTEN = {"triangle": "CPS3", "quad": "CPS4", "line": "T2D2"}
@@ -219,31 +219,31 @@ class _Reader:
             for (kind, _, corners, _), read in zip(self.elements, linear, strict=True)
         ]
         every = np.concatenate([numbers for _, numbers, _, _ in self.elements])
-        cell_rows = _members(every, self.sets["ELSET"])
+        cell_rows = members(every, self.sets["ELSET"])
         unique = len(np.unique(every)) == len(every)
-        tags, names = self.tags_by_block(blocks)
+        tags, names = self.tagsby_block(blocks)
         if tags is None and unique:
-            tags, names = _partition(blocks, cell_rows)
+            tags, names = partition(blocks, cell_rows)
         cell_sets = {}
         others = sorted({f"*{key}" for key in self.others})
         if len(cell_rows) * len(blocks) > MOST_PARTS:
             others.append(f"{len(cell_rows)} sets of elements")
         elif unique:  # ids say nothing else
             ends = np.cumsum([len(cells) for _, cells in blocks])
-            cell_sets = {name: _by_block(rows, ends) for name, rows in cell_rows.items()}
+            cell_sets = {name: by_block(rows, ends) for name, rows in cell_rows.items()}
         return FileContent(
             np.ascontiguousarray(np.concatenate(self.points)),
             blocks,
             tags,
             names,
-            point_sets=_members(ids, self.sets["NSET"]),
+            point_sets=members(ids, self.sets["NSET"]),
             cell_sets=cell_sets,
             extras=tuple(others),
             slots=joined([self.text.slots(tokens) for tokens in self.slots]),
             places=[self.text.starts[tokens] for *_, tokens in self.elements],
         )
 
-    def tags_by_block(
+    def tagsby_block(
         self, blocks: list[Block]
     ) -> tuple[list[IndexArray] | None, dict[str, tuple[int, int]]]:
         """Regions from ELSET= of *ELEMENT, where each of the faces has one."""
@@ -256,50 +256,6 @@ class _Reader:
             np.full(len(c), numbers.get(n, 0)) for n, (_, c) in zip(labels, blocks, strict=True)
         ]
         return tags, {name: (numbers[name], 2) for name in dict.fromkeys(of_faces)}
-
-
-def _members(ids: IndexArray, sets: dict[str, list[IndexArray]]) -> dict[str, IndexArray]:
-    """Where the members of each set stand among `ids`, ascending."""
-    order = np.argsort(ids, kind="stable")
-    ordered = ids[order]
-    members = {}
-    for name, parts in sets.items():
-        wanted = np.unique(np.concatenate(parts))
-        begins = np.searchsorted(ordered, wanted)
-        counts = np.searchsorted(ordered, wanted, side="right") - begins
-        rows = np.repeat(begins - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
-        members[name] = np.sort(order[rows])
-    return members
-
-
-def _by_block(rows: IndexArray, ends: IndexArray) -> list[IndexArray]:
-    """Cells counted through all blocks, as cells of each."""
-    cuts = np.searchsorted(rows, ends)
-    begins = np.append(0, cuts[:-1])
-    firsts = np.append(0, ends[:-1])
-    return [rows[i:j] - first for i, j, first in zip(begins, cuts, firsts, strict=True)]
-
-
-def _partition(
-    blocks: list[Block], cell_rows: dict[str, IndexArray]
-) -> tuple[list[IndexArray] | None, dict[str, tuple[int, int]]]:
-    """Regions from the element sets, where each face is in exactly one of them.
-
-    Sets of all faces or of none are left out.
-    """
-    lengths = [len(cells) for _, cells in blocks]
-    is_face = np.repeat([kind in FACES for kind, _ in blocks], lengths)
-    count = np.zeros(len(is_face), np.int64)
-    tags = np.zeros(len(is_face), np.int64)
-    names: dict[str, tuple[int, int]] = {}
-    for name, rows in cell_rows.items():
-        if 0 < np.count_nonzero(is_face[rows]) < np.count_nonzero(is_face):
-            names[name] = (len(names) + 1, 2)
-            count[rows] += 1
-            tags[rows] = len(names)
-    if not names or (count[is_face] != 1).any():
-        return None, {}
-    return np.split(tags, np.cumsum(lengths)[:-1]), names
 
 
 def _kind(name: str) -> tuple[str, int]:
@@ -359,8 +315,8 @@ def write(content: FileContent) -> bytes:
             lines.append(f"*ELEMENT, TYPE={WRITTEN[kind]}{option}")
             lines += _commas(rows_of(ids[tags == tag], cells[tags == tag] + 1))
         first += len(cells)
-    for name, members in content.point_sets.items():
-        lines += [f"*NSET, NSET={name}", *_list(np.asarray(members) + 1)]
+    for name, vertices in content.point_sets.items():
+        lines += [f"*NSET, NSET={name}", *_list(np.asarray(vertices) + 1)]
     for name, parts in content.cell_sets.items():
         if name not in content.names:
             numbers = [

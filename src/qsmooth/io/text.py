@@ -342,6 +342,26 @@ def blocks_by_id(
     return [(kind, p.reshape(c.shape)) for (kind, c), p in zip(blocks, parts, strict=True)]
 
 
+def walked(lengths: IndexArray) -> tuple[IndexArray, int]:
+    """Where records begin that follow one another, and where the last one ends.
+
+    Parameters
+    ----------
+    lengths
+        Of each number how many the record would have that began there, below 256; 0 where none can.
+
+    Returns
+    -------
+    The first numbers, and one past the last record; a place within where none can begin.
+    """
+    steps = lengths.astype(np.uint8).tobytes()
+    firsts, place, end = [], 0, len(steps)
+    while place < end and steps[place]:
+        firsts.append(place)
+        place += steps[place]
+    return np.array(firsts, dtype=np.int64), place
+
+
 def rows_of(*columns: npt.NDArray[Any]) -> list[str]:
     """Lines of text with the columns of arrays side by side; floats with all their digits."""
     parts: list[Any] = []
