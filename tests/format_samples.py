@@ -142,6 +142,18 @@ XDA07 = (
     "3\t\t # n_elem at level 0, [ type sid (n0 ... nN-1) ]\n"
     "5 7 0 1 4 3\n5 8 1 2 5 4\n3 8 2 6 5\n" + XYZ + "1     # number of boundary conditions\n0 0 3\n"
 )
+NODES_H1 = (
+    MFEM[: MFEM.index("2\n0 0\n")]
+    + "\nnodes\nFiniteElementSpace\nFiniteElementCollection: H1_2D_P1\nVDim: 2\nOrdering: 0\n\n"
+    + "".join(f"{x}\n" for x, _ in POINTS)
+    + "".join(f"{y}\n" for _, y in POINTS)
+)
+# The corners of quads in lexicographic order; the vertex that no cell uses has no place.
+NODES_L2 = (
+    MFEM[: MFEM.index("2\n0 0\n")]
+    + "\nnodes\nFiniteElementSpace\nFiniteElementCollection: L2_T1_2D_P1\nVDim: 2\nOrdering: 1\n\n"
+    + "".join("{} {}\n".format(*POINTS[v]) for v in (0, 1, 3, 4, 1, 2, 4, 5, 2, 6, 5))
+)
 UNV = (
     "    -1\n   164\n         1  SI: Meter (newton)         2\n    1.0    1.0    1.0\n    273.15\n"
     "    -1\n    -1\n  2411\n"
@@ -322,6 +334,7 @@ FILES: dict[str, tuple[str | bytes, list[int] | None, int]] = {
     "mfem.mesh": (MFEM, [7, 8, 8], 1),
     "a.xda": (XDA, [7, 8, 8], 2),
     "v07.xda": (XDA07, [7, 8, 8], 1),
+    "nodes.mesh": (NODES_H1, [7, 8, 8], 1),
     "a.unv": (UNV, [1, 2, 2], 1),
     "v780.unv": (UNV780, [7, 8, 8], 0),
 }

@@ -10,6 +10,7 @@ import pytest
 from format_samples import (
     COFF,
     FILES,
+    NODES_L2,
     OBJ,
     OFF,
     POINTS,
@@ -118,6 +119,22 @@ def test_conversion_says_what_is_lost(put, tmp_path):
     said = str(warning.message)
     for word in ("2 line cells", "1 point cells", "2 regions", "wind, fixed", "time", "a.off"):
         assert word in said
+
+
+def test_places_of_corners_are_joined_where_they_are_the_same(put, tmp_path):
+    mesh = read_mesh(put("l2.mesh", NODES_L2))
+    assert mesh.points.tolist() == [list(map(float, p)) for p in POINTS[:7]]
+    assert [cells.tolist() for cells in mesh.cells] == [
+        [list(cell) for cell in QUADS],
+        [list(cell) for cell in TRIANGLES],
+    ]
+    assert mesh.topology.lines.tolist() == [[0, 1]]
+    assert mesh.source.notes == ()
+    torn = NODES_L2.replace("1.1 0.9", "1.1 0.8", 1)
+    with pytest.warns(MeshWarning, match="7 vertices have 8 places"):
+        mesh = read_mesh(put("torn.mesh", torn))
+    write_mesh(tmp_path / "copy.mesh", mesh)
+    assert (tmp_path / "copy.mesh").read_text() == torn
 
 
 def test_gmsh_keeps_names_and_lines_of_su2(put, tmp_path):

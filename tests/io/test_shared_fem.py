@@ -19,6 +19,9 @@ LINES = {
     "salome_square.unv": 20,
     "test46.unv": 32,
     "test1427.unv": 48,
+    "mfem_square_mixed_nodes.mesh": 16,
+    "mfem_rectangle_linear_nodes.mesh": 20,
+    "mfem_periodic_hexagon_l2.mesh": 0,
 }
 
 
@@ -75,7 +78,8 @@ def test_only_coordinates_change(more, tmp_path, name):
     for old, new in zip(mesh.source.blocks, back.source.blocks, strict=True):
         assert old[0] == new[0]
         assert np.array_equal(old[1], new[1])
-    assert_only_coordinates_differ((more / name).read_bytes(), copy.read_bytes(), n_moved)
+    n_lines = 4 * n_moved  # of a vertex with copies
+    assert_only_coordinates_differ((more / name).read_bytes(), copy.read_bytes(), n_lines)
 
 
 def names_of(mesh, dimension: int) -> list[str]:
@@ -118,3 +122,18 @@ def test_columns_of_a_universal_file_stay(more, tmp_path):
     old = (more / "salome_square.unv").read_bytes().splitlines()
     new = (tmp_path / "a.unv").read_bytes().splitlines()
     assert list(map(len, new)) == list(map(len, old))
+
+
+def test_a_periodic_mesh_has_a_vertex_for_each_place(more, tmp_path):
+    path = more / "mfem_periodic_hexagon_l2.mesh"
+    with pytest.warns(MeshWarning, match="12 vertices have 19 places"):
+        mesh = read_mesh(path)
+    assert mesh.regions.tolist() == 4 * [1] + 4 * [2] + 4 * [3]
+    assert int(mesh.topology.is_boundary.sum()) == 12
+    centre = int(np.argmin(np.abs(mesh.points).sum(axis=1)))
+    points = mesh.points.copy()
+    points[centre] = [0.1, 0.05]
+    write_mesh(tmp_path / "a.mesh", mesh.with_points(points))
+    changed = (tmp_path / "a.mesh").read_text().splitlines()
+    assert sum(line.split() == ["0.1", "0.05"] for line in changed) == 3  # a copy in each cell
+    assert np.array_equal(read(tmp_path / "a.mesh").points[centre], [0.1, 0.05])

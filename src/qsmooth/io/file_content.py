@@ -126,6 +126,16 @@ class FileContent:
             if kind in kinds
         ]
 
+    @property
+    def lines(self) -> tuple[IndexArray, IndexArray]:
+        """All line cells, (n_lines, 2), and their tags, 0 where there are none."""
+        parts = self.of_type("line")
+        tags = [np.zeros(len(cells), np.int64) if t is None else t for cells, t in parts]
+        return (
+            np.concatenate([np.empty((0, 2), np.int64), *(cells for cells, _ in parts)]),
+            np.concatenate([np.empty(0, np.int64), *tags]),
+        )
+
     def check(self) -> None:
         """Refuse types that cannot be smoothed and vertices that do not exist.
 
@@ -193,14 +203,13 @@ class FileContent:
         regions = None
         if self.tags is not None:
             regions = np.concatenate([self.tags[b] for b in self.faces])
-        lines = [cells for cells, _ in self.of_type("line")]
         mesh = Mesh(
             self.points,
             [self.blocks[b][1] for b in self.faces],
             surface=surface,
             regions=regions,
         )
-        return mesh.with_source(self, np.concatenate([np.empty((0, 2), np.int64), *lines]))
+        return mesh.with_source(self, self.lines[0])
 
     def losses(self, holds: frozenset[str]) -> list[str]:
         """What a format that holds only `holds` cannot keep, in words."""

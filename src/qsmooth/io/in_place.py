@@ -75,6 +75,26 @@ class Slots:
         return replace(data, [*self.widen, *edits])
 
 
+@dataclass
+class Copies:
+    """Slots of a file that has the place of a vertex several times.
+
+    Parameters
+    ----------
+    slots
+        One for each copy.
+    vertices : (n_copies,)
+        Whose place each is.
+    """
+
+    slots: Slots
+    vertices: IndexArray
+
+    def write(self, data: bytes, old: FloatArray, new: FloatArray) -> bytes:
+        """The bytes of the file with the coordinates that changed, and nothing else, replaced."""
+        return self.slots.write(data, old[self.vertices], new[self.vertices])
+
+
 def joined(parts: Sequence[Slots]) -> Slots:
     """Slots of several stretches of vertices as one."""
     starts = np.concatenate([part.starts for part in parts])

@@ -9,6 +9,7 @@ import numpy as np
 
 from qsmooth._types import FloatArray, IndexArray
 from qsmooth.io.file_content import FACES, FileContent
+from qsmooth.io.sides import sides_of_lines
 from qsmooth.io.text import Cursor, blanked, finish, rows_of
 
 NAME = "xda"
@@ -252,11 +253,11 @@ class _Reader:
 def write(content: FileContent) -> bytes:
     """Write XDA 1.8.0; lines on sides become conditions, others elements of their own."""
     parts = content.of_type(*FACES) + content.of_type("vertex")
-    lines = content.of_type("line")
-    element, side, beside, ids = _sides_of(content, lines)
+    lines, ids = content.lines
+    element, side, _ = sides_of_lines([cells for cells, _ in content.of_type(*FACES)], lines)
+    beside = element < 0
     if beside.any():
-        cells = np.concatenate([cells for cells, _ in lines])
-        parts.append((cells[beside], ids[beside]))
+        parts.append((lines[beside], ids[beside]))
     n_elements, n_nodes = sum(len(cells) for cells, _ in parts), len(content.points)
     regions = {tag: name for name, (tag, dim) in content.names.items() if dim == 2}
     sides = {tag: name for name, (tag, dim) in content.names.items() if dim == 1}
@@ -273,8 +274,11 @@ def write(content: FileContent) -> bytes:
         first += n
     out += rows_of(content.points_3d)
     out += ["1\t # presence of unique ids", *rows_of(np.arange(n_nodes))]
-    out += [*_names(sides, "sideset id"), f"{len(element)}\t # number of side boundary conditions"]
-    out += rows_of(element, side, ids[~beside])
+    out += [
+        *_names(sides, "sideset id"),
+        f"{(~beside).sum()}\t # number of side boundary conditions",
+    ]
+    out += rows_of(element[~beside], side[~beside], ids[~beside])
     sets = list(content.point_sets)
     members = [np.asarray(content.point_sets[name], np.int64) for name in sets]
     out += _names(dict(enumerate(sets)), "nodeset id")
@@ -284,39 +288,6 @@ def write(content: FileContent) -> bytes:
     for what in ("edge", "shellface"):
         out += [*_names({}, "sideset id"), f"0\t # number of {what} boundary conditions"]
     return finish(out)
-
-
-def _sides_of(
-    content: FileContent, lines: list[tuple[IndexArray, IndexArray | None]]
-) -> tuple[IndexArray, IndexArray, np.ndarray, IndexArray]:
-    """Element and side of each line, which lines are on none, and the ids of all."""
-    nothing = np.empty(0, np.int64)
-    if not lines:
-        return nothing, nothing, np.zeros(0, np.bool_), nothing
-    ends, elements, sides = [], [], []
-    first = 0
-    for cells, _ in content.of_type(*FACES):
-        n, size = cells.shape
-        ends.append(np.stack([cells, np.roll(cells, -1, axis=1)], axis=2).reshape(-1, 2))
-        elements.append(first + np.repeat(np.arange(n), size))
-        sides.append(np.tile(np.arange(size), n))
-        first += n
-    element, side = np.concatenate(elements), np.concatenate(sides)
-    n_points = len(content.points)
-    keys = _keys(np.concatenate(ends), n_points)
-    order = np.argsort(keys, kind="stable")
-    wanted = _keys(np.concatenate([cells for cells, _ in lines]), n_points)
-    place = np.minimum(np.searchsorted(keys[order], wanted), len(keys) - 1)
-    found = order[place]
-    beside = keys[found] != wanted
-    ids = [np.zeros(len(cells), np.int64) if tags is None else tags for cells, tags in lines]
-    return element[found[~beside]], side[found[~beside]], beside, np.concatenate(ids)
-
-
-def _keys(ends: IndexArray, n_points: int) -> IndexArray:
-    """A number for each pair of vertices, the same for both directions."""
-    keys: IndexArray = ends.min(axis=1) * n_points + ends.max(axis=1)
-    return keys
 
 
 def _names(names: dict[int, str], what: str) -> list[str]:
