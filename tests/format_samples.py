@@ -154,6 +154,11 @@ NODES_L2 = (
     + "\nnodes\nFiniteElementSpace\nFiniteElementCollection: L2_T1_2D_P1\nVDim: 2\nOrdering: 1\n\n"
     + "".join("{} {}\n".format(*POINTS[v]) for v in (0, 1, 3, 4, 1, 2, 4, 5, 2, 6, 5))
 )
+FREEFEM = (
+    "8 5 2\n"
+    + "".join(f" {x}   {y:.3E}       3\n" for x, y in POINTS)
+    + "1 2 5 7\n1 5 4 7\n2 3 6 8\n2 6 5 8\n3 7 6 8\n1 2 9\n2 3 9\n"
+)
 UNV = (
     "    -1\n   164\n         1  SI: Meter (newton)         2\n    1.0    1.0    1.0\n    273.15\n"
     "    -1\n    -1\n  2411\n"
@@ -338,9 +343,16 @@ FILES: dict[str, tuple[str | bytes, list[int] | None, int]] = {
     "a.unv": (UNV, [1, 2, 2], 1),
     "v780.unv": (UNV780, [7, 8, 8], 0),
 }
-TEXT = [name for name, (content, _, _) in FILES.items() if isinstance(content, str)]
+# Formats of one type of cell hold a part of that mesh, or its quads cut in two. File name ->
+# content, cells, their regions, number of line cells.
+CUT = [(0, 1, 4), (0, 4, 3), (1, 2, 5), (1, 5, 4), (2, 6, 5)]
+ONE_KIND: dict[str, tuple[str, list[tuple[int, ...]], list[int] | None, int]] = {
+    "freefem.msh": (FREEFEM, CUT, [7, 7, 8, 8, 8], 2),
+}
+EVERY = [*FILES, *ONE_KIND]
+TEXT = [name for name, (content, _, _) in FILES.items() if isinstance(content, str)] + [*ONE_KIND]
 
 
 def content_of(name: str) -> bytes:
-    content = FILES[name][0]
+    content = (FILES | ONE_KIND)[name][0]
     return content.encode() if isinstance(content, str) else content

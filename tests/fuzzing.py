@@ -121,9 +121,9 @@ MUTATIONS: tuple[Callable[[bytearray, random.Random], None], ...] = (
 
 def samples(written: Path) -> dict[str, bytes]:
     """Good files by name: samples, what is written in each format, real ones where there are."""
-    from format_samples import FILES, content_of
+    from format_samples import EVERY, content_of
 
-    found = {name: content_of(name) for name in FILES}
+    found = {name: content_of(name) for name in EVERY}
     found |= {path.name: path.read_bytes() for path in sorted(written.iterdir())}
     for folder in (SHARED, SHARED / "more"):
         if folder.is_dir():

@@ -9,10 +9,12 @@ import pytest
 
 from format_samples import (
     COFF,
+    EVERY,
     FILES,
     NODES_L2,
     OBJ,
     OFF,
+    ONE_KIND,
     POINTS,
     QUADS,
     SU2,
@@ -23,7 +25,7 @@ from format_samples import (
 )
 from qsmooth.errors import MeshError, MeshWarning
 from qsmooth.io import format_of, formats, own_formats, read_mesh, write_mesh
-from qsmooth.io.registry import named
+from qsmooth.io.registry import named, only
 from qsmooth.mesh import Mesh
 
 
@@ -43,6 +45,17 @@ def test_reading(put, name):
     assert len(mesh.topology.lines) == n_lines
     if n_lines:
         assert mesh.topology.lines[0].tolist() == [0, 1]
+
+
+@pytest.mark.parametrize("name", ONE_KIND)
+def test_reading_formats_of_one_type_of_cell(put, name):
+    _, expected, regions, n_lines = ONE_KIND[name]
+    mesh = read_mesh(put(name, content_of(name)))
+    assert mesh.points[:, :2].tolist() == [list(map(float, p)) for p in POINTS]
+    assert [tuple(row) for block in mesh.cells for row in block.tolist()] == expected
+    assert (None if mesh.regions is None else mesh.regions.tolist()) == regions
+    assert len(mesh.topology.lines) == n_lines
+    assert mesh.topology.lines[0].tolist() == [0, 1]
 
 
 @pytest.mark.parametrize("name", TEXT)
@@ -65,7 +78,7 @@ def move(mesh: Mesh) -> Mesh:
     return mesh.with_points(points)
 
 
-@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize("name", EVERY)
 def test_writing_back_keeps_every_other_byte(put, tmp_path, name):
     mesh = read_mesh(put(name, content_of(name)))
     copy = tmp_path / f"copy-{name}"
@@ -88,12 +101,18 @@ def test_writing_back_keeps_every_other_byte(put, tmp_path, name):
         assert sum(a != b for a, b in zip(before, after, strict=True)) <= 5
 
 
-@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize("name", EVERY)
 @pytest.mark.parametrize("form", [form.NAME for form in own_formats()])
 def test_conversion(put, tmp_path, name, form):
     """Vertices, cells and, where both have them, regions and lines go over."""
     mesh = move(read_mesh(put(name, content_of(name))))
     path = tmp_path / f"converted{named(form).ENDINGS[0]}"
+    kind = only(named(form))
+    if kind and any(cells.shape[1] != (3 if kind == "triangle" else 4) for cells in mesh.cells):
+        with pytest.raises(MeshError, match=f"format {form} holds {kind}s only, there are"):
+            write_mesh(path, mesh, format=form)
+        assert not path.exists()
+        return
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         write_mesh(path, mesh, format=form)
@@ -102,8 +121,10 @@ def test_conversion(put, tmp_path, name, form):
     said = str(caught[0].message) if caught else ""
     back = read_mesh(path, format=form)
     assert np.array_equal(back.points[:, :2], mesh.points[:, :2])
-    cells = [tuple(row) for block in back.cells for row in block.tolist()]
-    assert sorted(cells) == sorted([*QUADS, *TRIANGLES])
+    old, new = (
+        sorted(tuple(row) for block in one.cells for row in block.tolist()) for one in (mesh, back)
+    )
+    assert new == old
     kept = mesh.regions is not None and back.regions is not None
     if mesh.regions is not None and len(set(mesh.regions.tolist())) > 1:
         same = kept and len(set(back.regions.tolist())) == len(set(mesh.regions.tolist()))

@@ -22,6 +22,9 @@ LINES = {
     "mfem_square_mixed_nodes.mesh": 16,
     "mfem_rectangle_linear_nodes.mesh": 20,
     "mfem_periodic_hexagon_l2.mesh": 0,
+    "freefem_aile.msh": 40,
+    "freefem_triqa.msh": 113,
+    "freefem_torture.msh": 35,
 }
 
 
@@ -137,3 +140,9 @@ def test_a_periodic_mesh_has_a_vertex_for_each_place(more, tmp_path):
     changed = (tmp_path / "a.mesh").read_text().splitlines()
     assert sum(line.split() == ["0.1", "0.05"] for line in changed) == 3  # a copy in each cell
     assert np.array_equal(read(tmp_path / "a.mesh").points[centre], [0.1, 0.05])
+
+
+def test_freefem_labels(more):
+    mesh = read(more / "freefem_triqa.msh")
+    assert np.unique(mesh.regions).tolist() == [0]
+    assert np.unique(mesh.source.tags[1]).tolist() == [1, 2, 3, 4]

@@ -7,12 +7,14 @@ import pytest
 
 from format_samples import (
     ABAQUS,
+    EVERY,
     FILES,
     MEDIT,
     MFEM,
     MSH2,
     OBJ,
     OFF,
+    ONE_KIND,
     PLY,
     SU2,
     UCD,
@@ -118,6 +120,9 @@ WRONG = [
     ("nodes.mesh", "VDim: 2", "VDim: 4", "4 coordinates of a node"),
     ("nodes.mesh", "Ordering: 0", "Ordering: 2", "must be 0 or 1"),
     ("nodes.mesh", "vertices\n8", "vertices\n9", "line 24.*too early"),
+    ("freefem.msh", "8 5 2", "8 5 3", "5 triangles and 3 edges take 56 numbers, the file has 53"),
+    ("freefem.msh", "1 5 4 7", "1 5 9 7", "1 triangle cell names.*line 11.*vertex 8"),
+    ("freefem.msh", "1 5 4 7", "1 5 4 x", "line 11: 'x' is not an integer"),
     ("a.unv", "273.15\n    -1\n", "273.15\n", "a dataset has no end"),
     ("a.unv", "  2411\n", "  2419\n", "no dataset of nodes"),
     ("a.unv", "  2412\n", "  2419\n", "no dataset of elements"),
@@ -137,7 +142,7 @@ WRONG = [
 
 @pytest.mark.parametrize(("name", "old", "new", "message"), WRONG)
 def test_wrong_files(put, name, old, new, message):
-    content = FILES[name][0]
+    content = (FILES | ONE_KIND)[name][0]
     assert isinstance(content, str)
     assert old in content
     path = put(name, content.replace(old, new, 1))
@@ -146,7 +151,7 @@ def test_wrong_files(put, name, old, new, message):
     assert str(path) in str(caught.value)
 
 
-@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize("name", EVERY)
 def test_truncated_anywhere(put, name):
     """One clear error, or, where only a remark was cut off, the same mesh."""
     content = content_of(name)
@@ -179,7 +184,7 @@ def test_garbage(put, ending):
         assert str(path) in str(caught.value)
 
 
-@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize("name", EVERY)
 def test_damaged_bytes_never_end_in_another_error(put, name):
     rng = np.random.default_rng(0)
     content = bytearray(content_of(name))

@@ -23,7 +23,7 @@ from qsmooth.errors import MeshError, MeshWarning
 from qsmooth.io import via_meshio
 from qsmooth.io.file_content import FileContent, of_mesh
 from qsmooth.io.files import read_bytes, write_bytes
-from qsmooth.io.registry import Format, named, own_formats, replaced, with_ending
+from qsmooth.io.registry import Format, named, only, own_formats, replaced, with_ending
 
 if TYPE_CHECKING:
     from qsmooth.mesh import Mesh, MeshLike, Surface
@@ -123,13 +123,21 @@ def format_of(path: PathLike, mesh: Mesh, *, format: str | None = None) -> str:
     Raises
     ------
     MeshError
-        If there is none, or no such one.
+        If there is none, no such one, or none that holds these cells.
     """
     path = Path(path)
     source = mesh.source if isinstance(mesh.source, FileContent) else None
     name = format or _name_for(path, source)
-    if named(name) is None and name not in formats():  # meshio is asked last: it is slow to load
+    form = named(name)
+    if form is None and name not in formats():  # meshio is asked last: it is slow to load
         raise MeshError(f"cannot write '{path}': unknown format {name!r}, known are {_known()}")
+    kind = only(form)
+    n_others = sum(len(c) for c in mesh.cells if c.shape[1] != (3 if kind == "triangle" else 4))
+    if kind and n_others:
+        other = "quads" if kind == "triangle" else "triangles"
+        raise MeshError(
+            f"cannot write '{path}': format {name} holds {kind}s only, there are {n_others} {other}"
+        )
     return name
 
 

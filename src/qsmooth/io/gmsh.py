@@ -15,6 +15,7 @@ from qsmooth.io.text import Cursor, blocks_by_id, finish, rows_of
 
 NAME = "gmsh"
 ENDINGS = (".msh",)
+PRIORITY = 1  # .msh is FreeFEM's too
 HOLDS = frozenset(("z", "vertex", "line", "regions", "names"))
 
 # Element type -> (name, vertices), from Gmsh's manual; what is not first order in two dimensions

@@ -21,9 +21,10 @@ NAMES = ("NAME", "ENDINGS", "HOLDS", "sniff", "read", "write")
 class Format(Protocol):
     """What the module of a format has.
 
-    Two more names may be there. ``PRIORITY``, 0 if it is not: of the formats that share an ending
+    Three more names may be there. ``PRIORITY``, 0 if it is not: of the formats that share an ending
     the one with the highest is asked first whether a file is its own, and is the one written.
     ``REPLACES``, ``(NAME,)`` if it is not: meshio's names for the format, which are then left out.
+    ``ONLY``, None if it is not: the one type of cell, "triangle" or "quad", that it can hold.
     """
 
     @property
@@ -80,6 +81,11 @@ def named(name: str) -> Format | None:
 def priority(form: Format) -> int:
     """Rank among the formats that share an ending."""
     return int(getattr(form, "PRIORITY", 0))
+
+
+def only(form: Format | None) -> str | None:
+    """The one type of cell that a format can hold; None where it holds both."""
+    return getattr(form, "ONLY", None)
 
 
 def replaced() -> frozenset[str]:
