@@ -99,6 +99,16 @@ ABAQUS = (
     "*ELEMENT, TYPE=T2D2, ELSET=rim\n4, 5, 15\n*NSET, NSET=fixed, GENERATE\n5, 25, 10\n"
     "*ELSET, ELSET=both\nleft, right\n*MATERIAL, NAME=steel\n*ELASTIC\n210000., 0.3\n"
 )
+HOHQ = (
+    "*Heading\n File created by HOHQMesh\n*NODE\n"
+    + "".join(f"{i + 1}, {x}, {y}, 0.0\n" for i, (x, y) in enumerate(POINTS))
+    + "*ELEMENT, type=CPS4, ELSET=Surface1\n1, 1, 2, 5, 4\n2, 2, 3, 6, 5\n"
+    "** ***** HOHQMesh boundary information ***** **\n** mesh polynomial degree = 2\n"
+    "**  1 2 5 4\n**  0 0 0 0\n**  2 3 6 5\n**  0 0 0 0\n** shore --- --- ---\n** --- --- far ---\n"
+)
+HOHQ_CURVED = HOHQ.replace(
+    "**  0 0 0 0\n**  2", "**  1 0 0 0\n**  0 0 0\n**  0.5 -0.1 0\n**  1 0 0\n**  2"
+)
 UCD = (
     "# by hand\n8 4 1 0 0\n"
     + "".join(f"{10 * i + 5} {x} {y} 0\n" for i, (x, y) in enumerate(POINTS))
@@ -158,6 +168,22 @@ FREEFEM = (
     "8 5 2\n"
     + "".join(f" {x}   {y:.3E}       3\n" for x, y in POINTS)
     + "1 2 5 7\n1 5 4 7\n2 3 6 8\n2 6 5 8\n3 7 6 8\n1 2 9\n2 3 9\n"
+)
+ISM_NODES = "".join(f"  {x:.16f}   {y:.16f}   0.0000000000000000E+00 \n" for x, y in POINTS)
+ISM = (
+    " 8 2 2\n" + ISM_NODES + " 1 2 5 4\n 0 0 0 0\n shore --- --- ---\n"
+    " 2 3 6 5\n 0 0 0 0\n --- --- --- ---\n"
+)
+ISM_CURVED = ISM.replace("0 0 0 0\n shore", "1 0 0 0\n 0 0 0\n 0.5 -0.1 0\n 1 0 0\n shore")
+ISMV2 = (
+    " ISM-V2\n 8 7 2 2\n"
+    + ISM_NODES
+    + "1 2 1 0 1 0\n2 5 1 2 2 4\n4 5 1 0 3 0\n1 4 1 0 4 0\n2 3 2 0 1 0\n3 6 2 0 2 0\n5 6 2 0 3 0\n"
+    " 1 2 5 4\n 0 0 0 0\n shore --- --- ---\n 2 3 6 5\n 0 0 0 0\n --- --- far ---\n"
+)
+ISMMM = (
+    " ISM-MM\n 8 7 2 2\n" + ISM_NODES + " 1 2 5 4 Bone\n 0 0 0 0\n shore --- --- ---\n"
+    " 2 3 6 5 Marrow\n 0 0 0 0\n --- --- --- ---\n"
 )
 UNV = (
     "    -1\n   164\n         1  SI: Meter (newton)         2\n    1.0    1.0    1.0\n    273.15\n"
@@ -348,6 +374,10 @@ FILES: dict[str, tuple[str | bytes, list[int] | None, int]] = {
 CUT = [(0, 1, 4), (0, 4, 3), (1, 2, 5), (1, 5, 4), (2, 6, 5)]
 ONE_KIND: dict[str, tuple[str, list[tuple[int, ...]], list[int] | None, int]] = {
     "freefem.msh": (FREEFEM, CUT, [7, 7, 8, 8, 8], 2),
+    "ism.mesh": (ISM, QUADS, [0, 0], 1),
+    "ismv2.mesh": (ISMV2, QUADS, [0, 0], 2),
+    "ismmm.mesh": (ISMMM, QUADS, [1, 2], 1),
+    "hohq.inp": (HOHQ, QUADS, [0, 0], 2),
 }
 EVERY = [*FILES, *ONE_KIND]
 TEXT = [name for name, (content, _, _) in FILES.items() if isinstance(content, str)] + [*ONE_KIND]

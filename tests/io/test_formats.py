@@ -11,6 +11,8 @@ from format_samples import (
     COFF,
     EVERY,
     FILES,
+    HOHQ_CURVED,
+    ISM_CURVED,
     NODES_L2,
     OBJ,
     OFF,
@@ -156,6 +158,23 @@ def test_places_of_corners_are_joined_where_they_are_the_same(put, tmp_path):
         mesh = read_mesh(put("torn.mesh", torn))
     write_mesh(tmp_path / "copy.mesh", mesh)
     assert (tmp_path / "copy.mesh").read_text() == torn
+
+
+@pytest.mark.parametrize("name", ["a.mesh", "a.inp"])
+def test_curved_sides_hold_the_vertices_at_their_ends(put, tmp_path, name):
+    content = ISM_CURVED if name == "a.mesh" else HOHQ_CURVED
+    with pytest.warns(MeshWarning, match="1 curved side stays as it is; cells are judged as if"):
+        mesh = read_mesh(put(name, content))
+    copy = tmp_path / f"copy-{name}"
+    write_mesh(copy, move(mesh))
+    assert "0.5 -0.1 0" in copy.read_text()
+    assert mesh.topology.lines[0].tolist() == [0, 1]
+    points = mesh.points.copy()
+    points[1, 0] += 0.1
+    with pytest.raises(MeshError, match="vertex 1 at the end of a curved side has moved"):
+        write_mesh(tmp_path / name, mesh.with_points(points))
+    with pytest.warns(MeshWarning, match="cannot hold .*curved sides"):
+        write_mesh(tmp_path / "a.off", mesh.with_points(points))
 
 
 def test_gmsh_keeps_names_and_lines_of_su2(put, tmp_path):

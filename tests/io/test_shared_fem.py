@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from mesh_figures import assert_only_coordinates_differ, close, figures
-from qsmooth.errors import MeshWarning
+from qsmooth.errors import MeshError, MeshWarning
 from qsmooth.io import read_mesh, write_mesh
+from qsmooth.io.registry import named
 
 # Line cells of each; the rest of what is known stands in the table beside the files.
 LINES = {
@@ -25,6 +26,10 @@ LINES = {
     "freefem_aile.msh": 40,
     "freefem_triqa.msh": 113,
     "freefem_torture.msh": 35,
+    "hohq_half_circle_ism.mesh": 28,
+    "hohq_ice_cream_ismv2.mesh": 142,
+    "hohq_bone_materials_ismmm.mesh": 228,
+    "hohq_ice_cream_abaqus.inp": 104,
 }
 
 
@@ -73,8 +78,11 @@ def test_only_coordinates_change(more, tmp_path, name):
     write_mesh(copy, mesh)
     assert copy.read_bytes() == (more / name).read_bytes()
     points = mesh.points.copy()
-    points[1::3, :2] += 1e-7
-    n_moved = len(points[1::3])
+    moved = np.arange(mesh.n_vertices) % 3 == 1
+    if "curved sides" in mesh.source.extras:
+        moved = inner(mesh)
+    points[moved, :2] += 1e-7
+    n_moved = int(moved.sum())
     write_mesh(copy, mesh.with_points(points))
     back = read(copy)
     assert np.array_equal(back.points, points)
@@ -83,6 +91,15 @@ def test_only_coordinates_change(more, tmp_path, name):
         assert np.array_equal(old[1], new[1])
     n_lines = 4 * n_moved  # of a vertex with copies
     assert_only_coordinates_differ((more / name).read_bytes(), copy.read_bytes(), n_lines)
+
+
+def inner(mesh, every: int = 1) -> np.ndarray:
+    """Mark vertices that nothing holds, one of so many."""
+    held = mesh.topology.is_boundary.copy()
+    held[mesh.topology.lines.ravel()] = True
+    free = np.zeros(mesh.n_vertices, bool)
+    free[np.flatnonzero(~held)[::every]] = True
+    return free
 
 
 def names_of(mesh, dimension: int) -> list[str]:
@@ -146,3 +163,38 @@ def test_freefem_labels(more):
     mesh = read(more / "freefem_triqa.msh")
     assert np.unique(mesh.regions).tolist() == [0]
     assert np.unique(mesh.source.tags[1]).tolist() == [1, 2, 3, 4]
+
+
+NAMES = {
+    "hohq_half_circle_ism.mesh": (["circle", "bottom"], []),
+    "hohq_ice_cream_ismv2.mesh": (["outerCircle", "cone1", "iceCream", "cone2", "hole"], []),
+    "hohq_bone_materials_ismmm.mesh": (
+        ["outer", "Circle1", "Circle2"],
+        ["Muscle", "Bone", "Marrow"],
+    ),
+    "hohq_ice_cream_abaqus.inp": (["OuterCircle", "RightSlant", "IceCream", "LeftSlant"], []),
+}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_names_and_curves_of_hohqmesh(more, tmp_path, name):
+    with pytest.warns(MeshWarning, match="curved sides stay as they are"):
+        mesh = read_mesh(more / name)
+    sides, materials = NAMES[name]
+    assert sorted(names_of(mesh, 1)) == sorted(sides)
+    assert names_of(mesh, 2) == materials
+    points = mesh.points.copy()
+    points[mesh.topology.lines[0], 0] += 1e-3
+    with pytest.raises(MeshError, match="2 vertices at the ends of curved sides have moved"):
+        write_mesh(tmp_path / "a", mesh.with_points(points))
+    assert not (tmp_path / "a").exists()
+    with pytest.warns(MeshWarning, match="curved sides"):
+        write_mesh(tmp_path / "a.vtk", mesh.with_points(points))
+
+
+def test_edges_of_ism_v2_are_those_of_hohqmesh(more):
+    path = more / "hohq_ice_cream_ismv2.mesh"
+    rows = path.read_text().splitlines()[2 + 454 :][:839]
+    mesh = read(path)
+    written = named("ism").write(mesh.source).decode().splitlines()[2 + 454 :][:839]
+    assert [row.split() for row in written] == [row.split() for row in rows]

@@ -11,9 +11,19 @@ import numpy as np
 from qsmooth._types import IndexArray
 from qsmooth.errors import MeshError
 from qsmooth.io.file_content import FACES, Block, FileContent
+from qsmooth.io.hohq import CurvesStay, Quads, quads_in_comments
 from qsmooth.io.in_place import joined
 from qsmooth.io.sets import MOST_PARTS, by_block, members, partition
-from qsmooth.io.text import Text, blanked, blocks_by_id, finish, integers, line_of, rows_of
+from qsmooth.io.text import (
+    Text,
+    blanked,
+    blocks_by_id,
+    finish,
+    integers,
+    line_of,
+    positions,
+    rows_of,
+)
 
 NAME = "abaqus"
 ENDINGS = (".inp",)
@@ -221,7 +231,7 @@ class _Reader:
         every = np.concatenate([numbers for _, numbers, _, _ in self.elements])
         cell_rows = members(every, self.sets["ELSET"])
         unique = len(np.unique(every)) == len(every)
-        tags, names = self.tagsby_block(blocks)
+        tags, names = self.tags_by_block(blocks)
         if tags is None and unique:
             tags, names = partition(blocks, cell_rows)
         cell_sets = {}
@@ -231,7 +241,7 @@ class _Reader:
         elif unique:  # ids say nothing else
             ends = np.cumsum([len(cells) for _, cells in blocks])
             cell_sets = {name: by_block(rows, ends) for name, rows in cell_rows.items()}
-        return FileContent(
+        content = FileContent(
             np.ascontiguousarray(np.concatenate(self.points)),
             blocks,
             tags,
@@ -242,8 +252,11 @@ class _Reader:
             slots=joined([self.text.slots(tokens) for tokens in self.slots]),
             places=[self.text.starts[tokens] for *_, tokens in self.elements],
         )
+        if quads := quads_in_comments(self.data):
+            _add_sides(content, quads, ids)
+        return content
 
-    def tagsby_block(
+    def tags_by_block(
         self, blocks: list[Block]
     ) -> tuple[list[IndexArray] | None, dict[str, tuple[int, int]]]:
         """Regions from ELSET= of *ELEMENT, where each of the faces has one."""
@@ -256,6 +269,27 @@ class _Reader:
             np.full(len(c), numbers.get(n, 0)) for n, (_, c) in zip(labels, blocks, strict=True)
         ]
         return tags, {name: (numbers[name], 2) for name in dict.fromkeys(of_faces)}
+
+
+def _add_sides(content: FileContent, quads: Quads, ids: IndexArray) -> None:
+    """Sides that HOHQMesh has named or curved, as line cells."""
+    if len(quads.lines) == 0:
+        return
+    if content.tags is None:
+        content.tags = [np.zeros(len(cells), np.int64) for _, cells in content.blocks]
+    lines = positions(ids, quads.lines)
+    content.blocks.append(("line", lines))
+    content.tags.append(quads.tags)
+    for parts in content.cell_sets.values():
+        parts.append(NOTHING)
+    if content.places is not None:
+        content.places.append(quads.places)
+    content.names = quads.names | content.names
+    ends = np.unique(lines[quads.curved])
+    if ends.size and content.slots is not None:
+        content.slots = CurvesStay(content.slots, ends)
+        content.extras += ("curved sides",)
+        content.notes = quads.notes()
 
 
 def _kind(name: str) -> tuple[str, int]:
