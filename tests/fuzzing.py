@@ -143,6 +143,8 @@ def write_all(folder: Path) -> None:
 
     mesh = jittered(5, 5, kind="mixed", seed=1)
     for name, endings in formats().items():
+        if not endings:  # a folder
+            continue
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             try:

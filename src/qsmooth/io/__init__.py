@@ -5,6 +5,8 @@ keep besides points, triangles and quads), ``sniff`` (does a file begin like one
 ``read`` and ``write``; `registry` finds it, and says what else it may have. All else that meshio
 reads comes through it, checked.
 
+A format whose meshes are folders of several files has other names, see `registry.FolderFormat`.
+
 A file is written back in its own format by putting the coordinates that changed in place of the
 old ones; every other byte stays.
 """
@@ -20,10 +22,19 @@ import numpy as np
 
 from qsmooth._types import FloatArray
 from qsmooth.errors import MeshError, MeshWarning
-from qsmooth.io import via_meshio
+from qsmooth.io import folders, via_meshio
 from qsmooth.io.file_content import FileContent, of_mesh
 from qsmooth.io.files import read_bytes, write_bytes
-from qsmooth.io.registry import Format, named, only, own_formats, replaced, with_ending
+from qsmooth.io.registry import (
+    Format,
+    folder_format,
+    folder_formats,
+    named,
+    only,
+    own_formats,
+    replaced,
+    with_ending,
+)
 
 if TYPE_CHECKING:
     from qsmooth.mesh import Mesh, MeshLike, Surface
@@ -38,7 +49,8 @@ HEAD = 1 << 16  # bytes that tell a format; comments may come first
 def formats() -> dict[str, tuple[str, ...]]:
     """Names of all formats, with their endings: qsmooth's own first, then meshio's."""
     own = sorted(own_formats(), key=lambda form: form.NAME)
-    return {form.NAME: form.ENDINGS for form in own} | via_meshio.formats(replaced())
+    folders = {form.NAME: () for form in folder_formats()}
+    return {form.NAME: form.ENDINGS for form in own} | folders | via_meshio.formats(replaced())
 
 
 def read_mesh(path: PathLike, *, surface: Surface = "auto", format: str | None = None) -> Mesh:
@@ -47,7 +59,8 @@ def read_mesh(path: PathLike, *, surface: Surface = "auto", format: str | None =
     Parameters
     ----------
     path
-        The format goes by the file's ending, and by its content where several share an ending.
+        A file, or the folder of a mesh of several files, as Elmer has them. The format goes by
+        the file's ending, and by its content where several share an ending.
     surface
         "flat" takes z for a field on a flat mesh; see `Mesh`.
     format
@@ -101,7 +114,9 @@ def write_mesh(path: PathLike, mesh: MeshLike, *, format: str | None = None) -> 
     name = format_of(path, mesh, format=format)
     same_format = source is not None and source.format == name
     lost: list[str] = []
-    if same_format and source is not None and source.data and _can_write_in_place(source, mesh):
+    if folder := folder_format(name):
+        lost = folders.write(path, folder, mesh, source if same_format else None)
+    elif same_format and source is not None and source.data and _can_write_in_place(source, mesh):
         write_bytes(path, _written_in_place(source, mesh))
     elif form := named(name):
         content = of_mesh(mesh)
@@ -143,11 +158,13 @@ def format_of(path: PathLike, mesh: Mesh, *, format: str | None = None) -> str:
 
 def holds_point_data(name: str) -> bool:
     """Whether a format can keep point data; of meshio's that is seen when it is written."""
-    form = named(name)
+    form = named(name) or folder_format(name)
     return form is None or "point_data" in form.HOLDS
 
 
 def _read(path: Path, name: str | None) -> FileContent:
+    if path.is_dir():
+        return folders.read(path, name)
     data = read_bytes(path)
     if not data.strip():
         raise MeshError("the file is empty")

@@ -77,6 +77,8 @@ class FileContent:
         Where it comes from: name of the format, ending and bytes of the file, place of its
         coordinates and of its point data, by name, as far as that can be written back.
         `slots` is None where there is no file or where it cannot be written back.
+    beside
+        The other files of the mesh, by name, where its format is a folder.
     places
         For each block the byte at which each cell stands, for messages; or None.
     """
@@ -99,6 +101,7 @@ class FileContent:
     data: bytes = b""
     slots: InPlace | None = None
     data_slots: dict[str, InPlace] = field(default_factory=dict)
+    beside: dict[str, bytes] = field(default_factory=dict)
     places: list[IndexArray] | None = None
 
     @property
@@ -244,7 +247,7 @@ def of_mesh(mesh: Mesh) -> FileContent:
         fields = {
             key: value
             for key, value in vars(source).items()
-            if key not in ("data", "slots", "data_slots")
+            if key not in ("data", "slots", "data_slots", "beside")
         }
         return FileContent(**{**fields, "points": points})
     blocks = [("triangle" if cells.shape[1] == 3 else "quad", cells) for cells in mesh.cells]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from qsmooth._types import FloatArray, IndexArray
+from qsmooth._types import BoolArray, FloatArray, IndexArray
 from qsmooth.checks import counted
 from qsmooth.errors import MeshError
 from qsmooth.io.in_place import InPlace
@@ -47,7 +47,7 @@ class Quads:
 
     corners: IndexArray
     lines: IndexArray
-    curved: IndexArray
+    curved: BoolArray
     tags: IndexArray
     names: dict[str, tuple[int, int]]
     first_tokens: IndexArray
@@ -176,14 +176,14 @@ def _flags(text: Text, rows: IndexArray, widths: IndexArray) -> IndexArray:
     tokens = rows[four][:, None] + np.arange(4)
     zero, one = _is(text, tokens, b"0"), _is(text, tokens, b"1")
     flags = np.full((len(rows), 4), -1, np.int64)
-    flags[four] = np.where((zero | one).all(axis=1)[:, None], one, -1)
+    flags[four] = np.where((zero | one).all(axis=1, keepdims=True), one, -1)
     return flags
 
 
-def _is(text: Text, tokens: IndexArray, word: bytes) -> np.ndarray:
+def _is(text: Text, tokens: IndexArray, word: bytes) -> BoolArray:
     """Which tokens are this word."""
     data = np.frombuffer(text.data, np.uint8)
-    same: np.ndarray = text.ends[tokens] - text.starts[tokens] == len(word)
+    same: BoolArray = np.equal(text.ends[tokens] - text.starts[tokens], len(word))
     for k, byte in enumerate(word):
         same &= data[np.minimum(text.starts[tokens] + k, len(data) - 1)] == byte
     return same

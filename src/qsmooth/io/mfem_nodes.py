@@ -70,10 +70,9 @@ def _table(cursor: Cursor, n: int, dimension: int, interleaved: bool) -> tuple[F
     values = cursor.numbers(n * dimension, "f8", "coordinates of nodes")
     tokens = token + np.arange(n * dimension)
     if interleaved:
-        values, tokens = values.reshape(n, dimension), tokens.reshape(n, dimension)
-    else:
-        values, tokens = values.reshape(dimension, n).T, tokens.reshape(dimension, n).T
-    return np.ascontiguousarray(values), cursor.text.slots(tokens)
+        return values.reshape(n, dimension), cursor.text.slots(tokens.reshape(n, dimension))
+    columns = np.ascontiguousarray(values.reshape(dimension, n).T)
+    return columns, cursor.text.slots(tokens.reshape(dimension, n).T)
 
 
 def _merged(
