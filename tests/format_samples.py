@@ -39,6 +39,12 @@ MSH2 = (
     + "$EndNodes\n$Elements\n5\n1 15 2 0 1 5\n2 1 2 9 1 5 15\n3 3 2 5 1 5 15 45 35\n"
     "4 3 2 6 2 15 25 55 45\n7 2 3 6 2 0 25 65 55\n$EndElements\n$Periodic\n0\n$EndPeriodic\n"
 )
+MSH20 = (
+    MSH2.replace("2.2 0 8", "2 0 8")
+    .replace('1 9 "shore"', '9 "shore"')
+    .replace('2 5 "left part"', '5 "left part"')
+    .replace("\n", "\r\n")
+)
 MSH1 = (
     "$NOD\n8\n"
     + "".join(f"{i + 1} {x} {y} 0\n" for i, (x, y) in enumerate(POINTS))
@@ -342,6 +348,7 @@ FILES: dict[str, tuple[str | bytes, list[int] | None, int]] = {
     "flowing.off": (FLOWING, None, 0),
     "a.obj": (OBJ, None, 2),
     "v2.msh": (MSH2, [5, 6, 6], 1),
+    "v20.msh": (MSH20, [5, 6, 6], 1),
     "v1.msh": (MSH1, [5, 6, 6], 0),
     "v4.msh": (MSH4, [5, 6, 6], 1),
     "v40.msh": (MSH40, [1, 1, 2], 0),

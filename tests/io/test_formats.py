@@ -13,6 +13,7 @@ from format_samples import (
     FILES,
     HOHQ_CURVED,
     ISM_CURVED,
+    MSH20,
     NODES_L2,
     OBJ,
     OFF,
@@ -142,6 +143,16 @@ def test_conversion_says_what_is_lost(put, tmp_path):
     said = str(warning.message)
     for word in ("2 line cells", "1 point cells", "2 regions", "wind, fixed", "time", "a.off"):
         assert word in said
+
+
+def test_physical_names_without_a_dimension_have_that_of_their_cells(put, tmp_path):
+    mesh = read_mesh(put("a.msh", MSH20))
+    assert mesh.source.names == {"shore": (9, 1), "left part": (5, 2)}
+    write_mesh(tmp_path / "copy.msh", move(mesh))
+    old, new = MSH20.encode().split(b"\r\n"), (tmp_path / "copy.msh").read_bytes().split(b"\r\n")
+    assert sum(a != b for a, b in zip(old, new, strict=True)) == 1
+    with pytest.warns(MeshWarning):
+        write_mesh(tmp_path / "b.vtk", mesh)
 
 
 def test_places_of_corners_are_joined_where_they_are_the_same(put, tmp_path):
