@@ -1,5 +1,6 @@
 """Small files of every format: what is read, kept and converted."""
 
+import re
 import sys
 import warnings
 from pathlib import Path
@@ -73,6 +74,32 @@ def test_crlf_and_a_byte_order_mark(put, name):
     assert np.array_equal(read_mesh(path).points, move(mesh).points)
     if not name.endswith(".vtu"):
         assert path.read_bytes().count(b"\r\n") == content.count(b"\r\n")
+
+
+ODD_ENDS = {
+    "old Macintosh, and a newline at the end": lambda text: text.replace("\n", "\r") + "\n",
+    "twice converted": lambda text: text.replace("\n", "\r\r\n"),
+    "newline first": lambda text: text.replace("\n", "\n\r"),
+    "of three sorts": lambda text: text.replace("\n", "\r\n", 5).replace("\nNE", "\rNE"),
+    "form feeds and blanks": lambda text: text.replace("\n", " \t\f\n"),
+    "none at the end": lambda text: text.rstrip("\n"),
+}
+
+
+@pytest.mark.parametrize("ends", ODD_ENDS)
+def test_su2_with_odd_line_ends(put, ends):
+    content = ODD_ENDS[ends](SU2).encode()
+    path = put("a.su2", content)
+    mesh = read_mesh(path)
+    assert mesh.points.tolist() == [list(map(float, p)) for p in POINTS]
+    assert [cells.tolist() for cells in mesh.cells] == [
+        [list(cell) for cell in QUADS],
+        [list(cell) for cell in TRIANGLES],
+    ]
+    assert list(mesh.source.names) == ["shore", "SEND_RECEIVE"]
+    assert len(mesh.topology.lines) == 2
+    write_mesh(path, move(mesh))
+    assert re.sub(rb"1\.4333333333333333", b"1.1", path.read_bytes()) == content
 
 
 def move(mesh: Mesh) -> Mesh:

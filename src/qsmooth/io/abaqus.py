@@ -23,6 +23,7 @@ from qsmooth.io.text import (
     line_of,
     positions,
     rows_of,
+    with_newlines,
 )
 
 NAME = "abaqus"
@@ -62,9 +63,7 @@ class _Reader:
 
     def __init__(self, data: bytes) -> None:
         self.data = data
-        clean = blanked(data, rb"(?m)^[ \t]*\*\*[^\r\n]*")
-        if b"\n" not in clean:
-            clean = clean.replace(b"\r", b"\n")
+        clean = blanked(with_newlines(data), rb"(?m)^[ \t]*\*\*[^\r\n]*")
         self.clean = clean
         self.text = Text(clean.replace(b",", b" "))
         self.ids: list[IndexArray] = []

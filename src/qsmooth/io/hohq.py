@@ -11,7 +11,7 @@ from qsmooth._types import BoolArray, FloatArray, IndexArray
 from qsmooth.checks import counted
 from qsmooth.errors import MeshError
 from qsmooth.io.in_place import InPlace
-from qsmooth.io.text import Text, walked
+from qsmooth.io.text import Text, walked, with_newlines
 
 NO_NAME = b"---"
 HIGHEST_ORDER = 60  # an element then takes 247 lines; `walked` counts to 255
@@ -161,6 +161,7 @@ def read_quads(
 
 def quads_in_comments(data: bytes) -> Quads | None:
     """What HOHQMesh has put into a file of Abaqus; None where it has not."""
+    data = with_newlines(data)
     match = COMMENTS.search(data)
     if match is None:
         return None

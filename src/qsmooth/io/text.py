@@ -26,6 +26,11 @@ def blanked(data: bytes, pattern: bytes) -> bytes:
     return re.sub(pattern, lambda match: b" " * len(match[0]), data)
 
 
+def with_newlines(data: bytes) -> bytes:
+    """Newlines in place of carriage returns that stand alone, of which some files have both."""
+    return re.sub(rb"\r(?!\n)", b"\n", data) if b"\r" in data else data
+
+
 def line_of(data: bytes, offset: int) -> int:
     """Line number of a byte, from 1."""
     newline = b"\n" if b"\n" in data else b"\r"

@@ -12,7 +12,7 @@ from qsmooth.errors import MeshError
 from qsmooth.io.file_content import FACES, FileContent
 from qsmooth.io.in_place import Slots, joined
 from qsmooth.io.sets import MOST_PARTS, by_block, line_markers, members, partition
-from qsmooth.io.text import Text, blocks_by_id, finish, integers, line_of, walked
+from qsmooth.io.text import Text, blocks_by_id, finish, integers, line_of, walked, with_newlines
 
 NAME = "unv"
 ENDINGS = (".unv",)
@@ -51,7 +51,7 @@ class _Reader:
     """Goes through the datasets of one file."""
 
     def __init__(self, data: bytes) -> None:
-        self.data = data if b"\n" in data else data.replace(b"\r", b"\n")
+        self.data = with_newlines(data)
         self.text = Text(self.data)
         self.ids: list[IndexArray] = []
         self.points: list[FloatArray] = []
