@@ -115,6 +115,29 @@ HOHQ = (
 HOHQ_CURVED = HOHQ.replace(
     "**  0 0 0 0\n**  2", "**  1 0 0 0\n**  0 0 0\n**  0.5 -0.1 0\n**  1 0 0\n**  2"
 )
+TECPLOT_POINT = (
+    '# by hand\nTITLE = "a plate"\nVARIABLES = "X", "Y [m]" "depth, m"\nDATASETAUXDATA by="hand"\n'
+    'ZONE T="left", N=8, E=3,\n F=FEPOINT, ET=QUADRILATERAL\n'
+    + "".join(f"{x} {y} {i}.5\n" for i, (x, y) in enumerate(POINTS))
+    + "1 2 5 4\n2 3 6 5\n3 7 6 6\n"
+)
+TECPLOT_BLOCK = (
+    "variables = x y p material\nzone nodes=8, elements=3, datapacking=block\n"
+    'zonetype=fequadrilateral, varlocation=([3-4]=cellcentered)\nAUXDATA a="b"\n'
+    + " ".join(str(x) for x, _ in POINTS)
+    + "\n"
+    + " ".join(str(y) for _, y in POINTS)
+    + "\n0.1 0.2 nan\n7 8 8\n1 2 5 4 2 3 6 5\n3 3 7 6\n"
+)
+# Two zones on the same points, then a later step of the first.
+TECPLOT_ZONES = (
+    "VARIABLES = x, y, z, p\nZONE T=left, N=8, E=1, ZONETYPE=FEQUADRILATERAL, DATAPACKING=POINT\n"
+    + XYZ.replace(" 0\n", " 0 1.5\n")
+    + "1 2 5 4\nZONE T=right, N=8, E=2, ZONETYPE=FEQUADRILATERAL, DATAPACKING=POINT\n"
+    "VARSHARELIST=([1-4]=1)\n2 3 6 5\n3 7 6 6\n"
+    "ZONE T=left, N=8, E=1, ZONETYPE=FEQUADRILATERAL, DATAPACKING=POINT, STRANDID=1\n"
+    "VARSHARELIST=([1-3]=1), CONNECTIVITYSHAREZONE=1\n1 2 3 4 5 6 7 8\n"
+)
 UCD = (
     "# by hand\n8 4 1 0 0\n"
     + "".join(f"{10 * i + 5} {x} {y} 0\n" for i, (x, y) in enumerate(POINTS))
@@ -372,6 +395,9 @@ FILES: dict[str, tuple[str | bytes, list[int] | None, int]] = {
     "mfem.mesh": (MFEM, [7, 8, 8], 1),
     "a.xda": (XDA, [7, 8, 8], 2),
     "v07.xda": (XDA07, [7, 8, 8], 1),
+    "point.dat": (TECPLOT_POINT, None, 0),
+    "block.tec": (TECPLOT_BLOCK, [7, 8, 8], 0),
+    "zones.dat": (TECPLOT_ZONES, [1, 2, 2], 0),
     "nodes.mesh": (NODES_H1, [7, 8, 8], 1),
     "a.unv": (UNV, [1, 2, 2], 1),
     "v780.unv": (UNV780, [7, 8, 8], 0),

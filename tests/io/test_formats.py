@@ -22,6 +22,9 @@ from format_samples import (
     POINTS,
     QUADS,
     SU2,
+    TECPLOT_BLOCK,
+    TECPLOT_POINT,
+    TECPLOT_ZONES,
     TEXT,
     TRIANGLES,
     VTK,
@@ -170,6 +173,47 @@ def test_conversion_says_what_is_lost(put, tmp_path):
     said = str(warning.message)
     for word in ("2 line cells", "1 point cells", "2 regions", "wind, fixed", "time", "a.off"):
         assert word in said
+
+
+def test_tecplot_keeps_variables_zones_and_layout(put, tmp_path):
+    mesh = read_mesh(put("a.dat", TECPLOT_POINT))
+    assert list(mesh.source.point_data) == ["depth, m"]
+    assert mesh.source.point_data["depth, m"].tolist() == [i + 0.5 for i in range(8)]
+    mesh = read_mesh(put("b.tec", TECPLOT_BLOCK))
+    assert np.isnan(mesh.source.cell_data["p"][1]).all()
+    mesh = read_mesh(put("c.dat", TECPLOT_ZONES))
+    assert mesh.source.names == {"left": (1, 2), "right": (2, 2)}
+    assert mesh.source.extras == ("values of zone 3",)
+    copy = tmp_path / "copy.dat"
+    write_mesh(copy, move(mesh))
+    old, new = TECPLOT_ZONES.split("\n"), copy.read_text().split("\n")
+    assert [(a, b) for a, b in zip(old, new, strict=True) if a != b] == [
+        ("1.1 0.9 0 1.5", "1.4333333333333333 0.9 0 1.5")
+    ]
+
+
+def test_tecplot_of_arrays_and_data(put, tmp_path):
+    mesh = read_mesh(put("a.vtk", VTK))
+    with pytest.warns(MeshWarning, match="cannot hold 2 line cells"):
+        write_mesh(tmp_path / "a.dat", mesh)
+    back = read_mesh(tmp_path / "a.dat")
+    assert back.regions.tolist() == [7, 8, 8]
+    assert list(back.source.point_data) == ["wind_0", "wind_1", "wind_2", "fixed"]
+    write_mesh(tmp_path / "b.dat", Mesh([(0, 0), (1, 0), (0, 1)], [(0, 1, 2)]))
+    assert "ZONETYPE=FETRIANGLE" in (tmp_path / "b.dat").read_text()
+    assert read_mesh(tmp_path / "b.dat").cells[0].tolist() == [[0, 1, 2]]
+
+
+def test_what_meshio_writes_as_tecplot_is_read(put, tmp_path):
+    meshio = pytest.importorskip("meshio")
+    points = np.array(POINTS, float) / 3
+    cells = [("quad", QUADS), ("triangle", TRIANGLES)]
+    data = {"p": np.arange(8.0)}
+    meshio.Mesh(points, cells, point_data=data).write(tmp_path / "a.dat", file_format="tecplot")
+    mesh = read_mesh(tmp_path / "a.dat")
+    assert np.allclose(mesh.points, points, atol=1e-15)
+    assert sum(map(len, mesh.cells)) == 3
+    assert mesh.source.point_data["p"].tolist() == list(range(8))
 
 
 def test_physical_names_without_a_dimension_have_that_of_their_cells(put, tmp_path):

@@ -11,7 +11,7 @@ from qsmooth._types import BoolArray, FloatArray, IndexArray
 from qsmooth.checks import counted
 from qsmooth.errors import MeshError
 from qsmooth.io.in_place import InPlace
-from qsmooth.io.text import Text, walked, with_newlines
+from qsmooth.io.text import TO_BLANKS, Text, walked, with_newlines
 
 NO_NAME = b"---"
 HIGHEST_ORDER = 60  # an element then takes 247 lines; `walked` counts to 255
@@ -21,7 +21,6 @@ COMMENTS = re.compile(
     rb"\*\*[^\r\n=]*degree[ \t]*=[ \t]*(\d{1,9})[ \t]*[\r\n]+"
     rb"((?:\*\*[^\r\n]*[\r\n]*)*)"
 )
-TO_BLANKS = bytes(byte if byte in b"\r\n" else 32 for byte in range(256))
 
 
 @dataclass

@@ -17,6 +17,8 @@ from qsmooth.io.in_place import Slots, binary_slots
 
 # Fortran writes 1.0D-3; both letters mean the same.
 FORTRAN = bytes.maketrans(b"dD", b"ee")
+# Makes all blank but the ends of lines.
+TO_BLANKS = bytes(byte if byte in b"\r\n" else 32 for byte in range(256))
 # All integers below are exact as floating-point numbers.
 EXACT = 2.0**53
 

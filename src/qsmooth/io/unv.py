@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import cached_property
 from typing import NoReturn
 
 import numpy as np
@@ -104,10 +105,15 @@ class _Reader:
             slots = Slots(self.column_starts(tokens), slots.ends, columns=True)
         self.slots.append(slots)
 
+    @cached_property
+    def newlines(self) -> IndexArray:
+        """Bytes of newlines, and one before the file."""
+        return np.append(-1, np.flatnonzero(np.frombuffer(self.data, np.uint8) == 10))
+
     def column_starts(self, tokens: IndexArray) -> IndexArray:
         """Where the columns begin that end with these tokens: behind what stands before."""
         text = self.text
-        newlines = np.append(-1, np.flatnonzero(np.frombuffer(self.data, np.uint8) == 10))
+        newlines = self.newlines
         before = np.empty_like(tokens)
         line = np.searchsorted(newlines, text.starts[tokens[:, 0]]) - 1
         before[:, 0] = newlines[line] + 1
