@@ -96,9 +96,7 @@ def _names(data: bytes) -> dict[str, tuple[int, int]]:
         if line.lstrip().startswith("!"):
             dimension = 1 if "boundar" in line.lower() else 2
         elif match := NAMED.match(line.strip()):
-            name = match[1]
-            while name in names:
-                name += "_"
+            name = match[1] if match[1] not in names else f"{match[1]}_{match[2]}"
             names[name] = (int(match[2]), dimension)
     return names
 

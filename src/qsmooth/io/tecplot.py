@@ -109,10 +109,12 @@ class _Reader:
         if n and not (table.min() >= 0 and table.max() < zone.n_nodes):
             row = int(np.argmax(((table < 0) | (table >= zone.n_nodes)).any(axis=1)))
             self.text.fail(token + size * row, f"a cell names a node outside 1..{zone.n_nodes}")
-        twice = table == np.roll(table, -1, axis=1)
-        slim = twice.any(axis=1) if size == 4 else np.zeros(n, np.bool_)
+        twice = slim = np.zeros(n, np.bool_)
+        if size == 4:
+            twice = table == np.roll(table, -1, axis=1)
+            slim = twice.any(axis=1)
         places = self.text.starts[token + size * np.arange(n)]
-        for i, j in runs(slim.astype(np.int64)):
+        for i, j in runs(slim.astype(np.int64)) if slim.any() else [(0, n)]:
             rows, kind = table[i:j], zone.kind
             if slim[i]:
                 keep = np.ones((j - i, 4), np.bool_)
@@ -180,9 +182,7 @@ class _Reader:
         for number, zone in enumerate(self.zones, start=1):
             if not zone.title or zone.connectivity is not None:
                 continue
-            name = zone.title
-            while name in names:
-                name += "_"
+            name = zone.title if zone.title not in names else f"{zone.title}_{number}"
             names[name] = (number, 1 if zone.kind == "line" else 2)
         return names
 

@@ -22,7 +22,7 @@ PAIR = re.compile(r'([A-Za-z]\w*)\s*=\s*("(?:[^"\\]|\\.)*"|\((?:[^()]|\([^()]*\)
 SHARED = re.compile(r"(?:\[([\d,\-\s]+)\]|(\d+))\s*(?:=\s*(\d+))?")
 LOCATED = re.compile(r"(?i)\[([\d,\-\s]+)\]\s*=\s*(\w+)|(nodal|cellcentered)")
 Fail = Callable[[str], NoReturn]
-MOST_VARIABLES = 10_000
+MOST_VARIABLES, MOST_VALUES = 10_000, 10**6  # times zones: each zone has a record of each
 KINDS = {
     "TRIANGLE": ("triangle", 3),
     "QUADRILATERAL": ("quad", 4),
@@ -93,10 +93,12 @@ def headers(data: bytes) -> tuple[list[str], list[Zone], bytes, list[str]]:
             if word == "VARIABLES":
                 variables = [a or b for a, b in NAMES.findall(body.partition("=")[2])]
                 if len(variables) > MOST_VARIABLES:
-                    _fail(clean, begin, f"{len(variables)} variables are not read")
+                    _fail(clean, begin, f"{len(variables)} variables are too many")
             elif word == "ZONE":
                 last = following if number + 1 == len(records) else begin + stop
                 offset = begin + match.start(1)
+                if len(zones) * (100 + len(variables)) > MOST_VALUES:
+                    _fail(clean, offset, f"more than {len(zones)} such zones are not read")
                 fail = partial(_fail, clean, offset)
                 zone = _zone(body, fail, len(variables), len(zones))
                 zone.offset, zone.begin, zone.end = offset, min(end, last), last

@@ -138,11 +138,11 @@ class _Reader:
             text.fail(first + rest, "this is no element: label, descriptor, properties, nodes")
         if rest > len(values):
             text.fail(last, "the dataset ends within an element")
-        if not np.isin(first + firsts, text.rows).all():
+        tokens = first + firsts
+        if not np.array_equal(text.rows[np.searchsorted(text.rows, tokens)], tokens):
             text.fail(first, "elements of this dataset do not begin on lines of their own")
         codes, counts, heads = codes[firsts], counts[firsts], heads[firsts]
         material = values[firsts + n_heads - 3]
-        tokens = first + firsts
         for i, j, table in text.tables(tokens + heads, counts, 256 * codes + counts):
             kind = _kind(int(codes[i]), int(counts[i]))
             labels = values[firsts[i:j]]

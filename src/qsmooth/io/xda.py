@@ -10,7 +10,7 @@ import numpy as np
 from qsmooth._types import FloatArray, IndexArray
 from qsmooth.io.file_content import FACES, FileContent
 from qsmooth.io.sides import sides_of_lines
-from qsmooth.io.text import Cursor, blanked, finish, rows_of
+from qsmooth.io.text import Cursor, blanked, finish, rows_of, runs
 
 NAME = "xda"
 ENDINGS = (".xda",)
@@ -167,9 +167,7 @@ class _Reader:
     def keep_names(self, dimension: int) -> None:
         """Names of subdomains or sides; one that both have is set apart."""
         for number, name in self.map_of_names().items():
-            while name in self.names:
-                name += "_"
-            self.names[name] = (number, dimension)
+            self.names[name if name not in self.names else f"{name}_{number}"] = (number, dimension)
 
     def elements(self, n: int, heads: int, region: int, n_integers: int) -> None:
         """Elements, a line each: type, ids, nodes, integers; `region` is a column, or -1."""
@@ -244,9 +242,10 @@ class _Reader:
         if wrong.any():
             row = int(np.argmax(wrong))
             cursor.text.fail(token + 2 * row, f"there is no node {table[row, 0]}")
+        table = table[np.lexsort((table[:, 0], table[:, 1]))]
         return {
-            names.get(number, f"nodeset_{number}"): np.sort(table[table[:, 1] == number, 0])
-            for number in np.unique(table[:, 1]).tolist()
+            names.get(int(table[i, 1]), f"nodeset_{table[i, 1]}"): table[i:j, 0].copy()
+            for i, j in runs(table[:, 1])
         }
 
 
