@@ -49,8 +49,8 @@ HEAD = 1 << 16  # bytes that tell a format; comments may come first
 def formats() -> dict[str, tuple[str, ...]]:
     """Names of all formats, with their endings: qsmooth's own first, then meshio's."""
     own = sorted(own_formats(), key=lambda form: form.NAME)
-    folders = {form.NAME: () for form in folder_formats()}
-    return {form.NAME: form.ENDINGS for form in own} | folders | via_meshio.formats(replaced())
+    of_folders = {form.NAME: () for form in folder_formats()}
+    return {form.NAME: form.ENDINGS for form in own} | of_folders | via_meshio.formats(replaced())
 
 
 def read_mesh(path: PathLike, *, surface: Surface = "auto", format: str | None = None) -> Mesh:

@@ -12,7 +12,7 @@ from qsmooth.errors import MeshError
 from qsmooth.io.file_content import FACES, REGION_NAMES, Block, FileContent, region_tags
 from qsmooth.io.in_place import InPlace
 from qsmooth.io.tecplot_header import Zone, headers
-from qsmooth.io.text import Text, finish, line_of, rows_of, runs
+from qsmooth.io.text import EXACT, Text, finish, line_of, rows_of, runs
 
 NAME = "tecplot"
 ENDINGS = (".dat", ".tec")
@@ -149,8 +149,7 @@ class _Reader:
         for v, name in enumerate(self.variables):
             if self.cell_data and all(v in values for values in self.cell_data):
                 parts = [values[v] for values in self.cell_data]
-                whole = all((part == np.floor(part)).all() for part in parts)
-                if name in REGION_NAMES and whole:
+                if name in REGION_NAMES and all(map(_are_whole, parts)):
                     parts = [part.astype(np.int64) for part in parts]
                 cell_data[name] = parts
         tags: list[IndexArray] | None = self.tags
@@ -185,6 +184,11 @@ class _Reader:
             name = zone.title if zone.title not in names else f"{zone.title}_{number}"
             names[name] = (number, 1 if zone.kind == "line" else 2)
         return names
+
+
+def _are_whole(values: FloatArray) -> bool:
+    """Whether all are integers that are known exactly."""
+    return bool(((np.abs(values) < EXACT) & (values == np.floor(values))).all())
 
 
 def _axes(variables: list[str]) -> list[int]:
