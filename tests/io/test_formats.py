@@ -340,7 +340,7 @@ def test_an_ending_that_says_nothing_is_no_way_to_the_format_of_the_source(put, 
         write_mesh(tmp_path / name, mesh)
         assert (tmp_path / name).read_text() == OBJ
     for name in ("out.xyz", "out.ojb"):
-        with pytest.raises(MeshError, match=r"unknown ending '\.\w+', known are abaqus, gmsh"):
+        with pytest.raises(MeshError, match=r"unknown ending '\.\w+', known are abaqus, .*gmsh"):
             write_mesh(tmp_path / name, mesh)
         assert not (tmp_path / name).exists()
     assert format_of(tmp_path / "out.xyz", mesh, format="off") == "off"
