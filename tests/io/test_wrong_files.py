@@ -82,6 +82,7 @@ WRONG = [
     ("v2.msh", "2 1 2 9 1 5 15", "2 99 2 9 1 5 15", "element type 99"),
     ("v2.msh", "\n15 1", "\n5 1", "ids come twice"),
     ("v2.msh", "2.2 0 8", "3.0 0 8", "MSH version 3.0"),
+    ("v1.msh", "\n1 3 5 1 4 1 2 5 4", "\n1 1 5 1 4 1 2 5 4", "line 14: a line with 2 tags cannot"),
     ("v4.msh", "2 8 1 8", "2 9 1 8", "says 9 nodes"),
     ("v4.msh", "4 4 1 4", "4 5 1 4", "says 5 elements"),
     ("a.vtk", "POINTS 8", "POINTS 9", "line"),

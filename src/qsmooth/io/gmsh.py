@@ -241,7 +241,6 @@ class _Reader:
         for i, j, table in text.tables(rows[:-1], widths, kinds):
             code, tags, width = int(codes[i]), int(n_tags[i]), int(widths[i])
             kind, n_corners = self.type_of(code, int(rows[i]))
-            n_corners = width - 5 if old else n_corners
             if width != (5 if old else 3 + tags) + n_corners or tags < 0:
                 text.fail(int(rows[i]), f"a {kind} with {tags} tags cannot have {width} numbers")
             first_tag = 2 if old else 3
