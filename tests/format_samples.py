@@ -41,6 +41,12 @@ MSH2 = (
     + "$EndNodes\n$Elements\n5\n1 15 2 0 1 5\n2 1 2 9 1 5 15\n3 3 2 5 1 5 15 45 35\n"
     "4 3 2 6 2 15 25 55 45\n7 2 3 6 2 0 25 65 55\n$EndElements\n$Periodic\n0\n$EndPeriodic\n"
 )
+MSH20 = (
+    MSH2.replace("2.2 0 8", "2 0 8")
+    .replace('1 9 "shore"', '9 "shore"')
+    .replace('2 5 "left part"', '5 "left part"')
+    .replace("\n", "\r\n")
+)
 MSH1 = (
     "$NOD\n8\n"
     + "".join(f"{i + 1} {x} {y} 0\n" for i, (x, y) in enumerate(POINTS))
@@ -101,6 +107,39 @@ ABAQUS = (
     "*ELEMENT, TYPE=T2D2, ELSET=rim\n4, 5, 15\n*NSET, NSET=fixed, GENERATE\n5, 25, 10\n"
     "*ELSET, ELSET=both\nleft, right\n*MATERIAL, NAME=steel\n*ELASTIC\n210000., 0.3\n"
 )
+HOHQ = (
+    "*Heading\n File created by HOHQMesh\n*NODE\n"
+    + "".join(f"{i + 1}, {x}, {y}, 0.0\n" for i, (x, y) in enumerate(POINTS))
+    + "*ELEMENT, type=CPS4, ELSET=Surface1\n1, 1, 2, 5, 4\n2, 2, 3, 6, 5\n"
+    "** ***** HOHQMesh boundary information ***** **\n** mesh polynomial degree = 2\n"
+    "**  1 2 5 4\n**  0 0 0 0\n**  2 3 6 5\n**  0 0 0 0\n** shore --- --- ---\n** --- --- far ---\n"
+)
+HOHQ_CURVED = HOHQ.replace(
+    "**  0 0 0 0\n**  2", "**  1 0 0 0\n**  0 0 0\n**  0.5 -0.1 0\n**  1 0 0\n**  2"
+)
+TECPLOT_POINT = (
+    '# by hand\nTITLE = "a plate"\nVARIABLES = "X", "Y [m]" "depth, m"\nDATASETAUXDATA by="hand"\n'
+    'ZONE T="left", N=8, E=3,\n F=FEPOINT, ET=QUADRILATERAL\n'
+    + "".join(f"{x} {y} {i}.5\n" for i, (x, y) in enumerate(POINTS))
+    + "1 2 5 4\n2 3 6 5\n3 7 6 6\n"
+)
+TECPLOT_BLOCK = (
+    "variables = x y p material\nzone nodes=8, elements=3, datapacking=block\n"
+    'zonetype=fequadrilateral, varlocation=([3-4]=cellcentered)\nAUXDATA a="b"\n'
+    + " ".join(str(x) for x, _ in POINTS)
+    + "\n"
+    + " ".join(str(y) for _, y in POINTS)
+    + "\n0.1 0.2 nan\n7 8 8\n1 2 5 4 2 3 6 5\n3 3 7 6\n"
+)
+# Two zones on the same points, then a later step of the first.
+TECPLOT_ZONES = (
+    "VARIABLES = x, y, z, p\nZONE T=left, N=8, E=1, ZONETYPE=FEQUADRILATERAL, DATAPACKING=POINT\n"
+    + XYZ.replace(" 0\n", " 0 1.5\n")
+    + "1 2 5 4\nZONE T=right, N=8, E=2, ZONETYPE=FEQUADRILATERAL, DATAPACKING=POINT\n"
+    "VARSHARELIST=([1-4]=1)\n2 3 6 5\n3 7 6 6\n"
+    "ZONE T=left, N=8, E=1, ZONETYPE=FEQUADRILATERAL, DATAPACKING=POINT, STRANDID=1\n"
+    "VARSHARELIST=([1-3]=1), CONNECTIVITYSHAREZONE=1\n1 2 3 4 5 6 7 8\n"
+)
 UCD = (
     "# by hand\n8 4 1 0 0\n"
     + "".join(f"{10 * i + 5} {x} {y} 0\n" for i, (x, y) in enumerate(POINTS))
@@ -139,6 +178,103 @@ MIKE = (
     + "3 4 25\n1 5 15 45 35\n2 15 25 55 45\n3 25 65 55 0\n"
 )
 OLD_MIKE = MIKE.replace("100079 1000 8", "8").replace("55 0\n", "55\n")
+XDA = (
+    "libMesh-1.8.0\n3\t # number of elements\n8\t # number of nodes\n"
+    ".\t # boundary condition specification file\n.\t # subdomain id specification file\n"
+    "n/a\t # processor id specification file\nn/a\t # p-level specification file\n"
+    "8\t # type size\n8\t # uid size\n0\t # pid size\n8\t # sid size\n0\t # p-level size\n"
+    "8\t # eid size\n8\t # side size\n8\t # bid size\n0\t # extra integer size\n"
+    + 3
+    * "0\t # vector length\n\t # names\n"
+    + "1\t # subdomain id to name map\n1\t # vector length\n7\t \n1\t # vector length\nleft\t \n"
+    "3\t # n_elem at level 0, [ type uid sid (n0 ... nN-1) ]\n"
+    "5 8 7 0 1 4 3\n5 9 8 1 2 5 4\n3 10 8 2 6 5\n"
+    + XYZ
+    + "1\t # presence of unique ids\n0\n1\n2\n3\n4\n5\n6\n7\n"
+    "1\t # sideset id to name map\n1\t # vector length\n9\t \n1\t # vector length\nshore\t \n"
+    "2\t # number of side boundary conditions\n0 0 9\n1 0 9\n"
+    "1\t # nodeset id to name map\n1\t # vector length\n4\t \n1\t # vector length\nislet\t \n"
+    "2\t # number of nodesets\n7 4\n3 5\n"
+    "0\t # sideset id to name map\n0\t # number of edge boundary conditions\n"
+    "0\t # sideset id to name map\n0\t # number of shellface boundary conditions\n"
+)
+XDA07 = (
+    "libMesh-0.7.0+\t \n3\t\t # number of elements\n8\t\t # number of nodes\n"
+    ".\t\t # boundary\n.\t\t # subdomain\nn/a\t\t # processor\nn/a\t\t # p-level\n"
+    "3\t\t # n_elem at level 0, [ type sid (n0 ... nN-1) ]\n"
+    "5 7 0 1 4 3\n5 8 1 2 5 4\n3 8 2 6 5\n" + XYZ + "1     # number of boundary conditions\n0 0 3\n"
+)
+NODES_H1 = (
+    MFEM[: MFEM.index("2\n0 0\n")]
+    + "\nnodes\nFiniteElementSpace\nFiniteElementCollection: H1_2D_P1\nVDim: 2\nOrdering: 0\n\n"
+    + "".join(f"{x}\n" for x, _ in POINTS)
+    + "".join(f"{y}\n" for _, y in POINTS)
+)
+# The corners of quads in lexicographic order; the vertex that no cell uses has no place.
+NODES_L2 = (
+    MFEM[: MFEM.index("2\n0 0\n")]
+    + "\nnodes\nFiniteElementSpace\nFiniteElementCollection: L2_T1_2D_P1\nVDim: 2\nOrdering: 1\n\n"
+    + "".join("{} {}\n".format(*POINTS[v]) for v in (0, 1, 3, 4, 1, 2, 4, 5, 2, 6, 5))
+)
+FREEFEM = (
+    "8 5 2\n"
+    + "".join(f" {x}   {y:.3E}       3\n" for x, y in POINTS)
+    + "1 2 5 7\n1 5 4 7\n2 3 6 8\n2 6 5 8\n3 7 6 8\n1 2 9\n2 3 9\n"
+)
+ISM_NODES = "".join(f"  {x:.16f}   {y:.16f}   0.0000000000000000E+00 \n" for x, y in POINTS)
+ISM = (
+    " 8 2 2\n" + ISM_NODES + " 1 2 5 4\n 0 0 0 0\n shore --- --- ---\n"
+    " 2 3 6 5\n 0 0 0 0\n --- --- --- ---\n"
+)
+ISM_CURVED = ISM.replace("0 0 0 0\n shore", "1 0 0 0\n 0 0 0\n 0.5 -0.1 0\n 1 0 0\n shore")
+ISMV2 = (
+    " ISM-V2\n 8 7 2 2\n"
+    + ISM_NODES
+    + "1 2 1 0 1 0\n2 5 1 2 2 4\n4 5 1 0 3 0\n1 4 1 0 4 0\n2 3 2 0 1 0\n3 6 2 0 2 0\n5 6 2 0 3 0\n"
+    " 1 2 5 4\n 0 0 0 0\n shore --- --- ---\n 2 3 6 5\n 0 0 0 0\n --- --- far ---\n"
+)
+ISMMM = (
+    " ISM-MM\n 8 7 2 2\n" + ISM_NODES + " 1 2 5 4 Bone\n 0 0 0 0\n shore --- --- ---\n"
+    " 2 3 6 5 Marrow\n 0 0 0 0\n --- --- --- ---\n"
+)
+UNV = (
+    "    -1\n   164\n         1  SI: Meter (newton)         2\n    1.0    1.0    1.0\n    273.15\n"
+    "    -1\n    -1\n  2411\n"
+    + "".join(
+        f"{10 * i + 5:10}{1:10}{1:10}{11:10}\n{x:25.16E}{y:25.16E}{0:25.16E}\n"
+        for i, (x, y) in enumerate(POINTS)
+    )
+    + "    -1\n    -1\n  2412\n"
+    "        11        11         2         1         7         2\n         0         1         1\n"
+    "         5        15\n"
+    "        12        44         2         1         7         4\n"
+    "         5        15        45        35\n"
+    "        13        44         2         1         7         4\n"
+    "        15        25        55        45\n"
+    "        14        41         2         1         7         3\n        25        65        55\n"
+    "    -1\n    -1\n  2467\n"
+    "         1         0         0         0         0         0         0         1\nshore\n"
+    "         8        11         0         0\n"
+    "         2         0         0         0         0         0         0         1\nleft part\n"
+    "         8        12         0         0\n"
+    "         3         0         0         0         0         0         0         3\nright\n"
+    "         8        13         0         0         8        14         0         0\n"
+    "         7        75         0         0\n    -1\n"
+)
+UNV780 = (
+    "    -1\n   781\n"
+    + "".join(
+        f"{i + 1:10}{0:10}{0:10}{11:10}\n   {x:.16f}D+00   {y:.16f}D+00   0.0D+00\n"
+        for i, (x, y) in enumerate(POINTS)
+    )
+    + "    -1\n    -1\n   780\n"
+    "         1        94         1         1         1         7         7         4\n"
+    "         1         2         5         4\n"
+    "         2        94         1         1         1         8         7         4\n"
+    "         2         3         6         5\n"
+    "         3        91         1         1         1         8         7         3\n"
+    "         3         7         6\n    -1\n"
+)
 
 
 def vtu_arrays(points: str, cells: tuple[str, str, str], head: str = "") -> str:
@@ -364,6 +500,7 @@ FILES: dict[str, tuple[str | bytes, list[int] | None, int]] = {
     "flowing.off": (FLOWING, None, 0),
     "a.obj": (OBJ, None, 2),
     "v2.msh": (MSH2, [5, 6, 6], 1),
+    "v20.msh": (MSH20, [5, 6, 6], 1),
     "v1.msh": (MSH1, [5, 6, 6], 0),
     "v4.msh": (MSH4, [5, 6, 6], 1),
     "v40.msh": (MSH40, [1, 1, 2], 0),
@@ -392,12 +529,31 @@ FILES: dict[str, tuple[str | bytes, list[int] | None, int]] = {
     "oldmike.mesh": (OLD_MIKE, None, 0),
     "ugrid.nc": (ugrid(), [7, 8, 8], 0),
     "ugrid32.nc": (ugrid("f4"), [7, 8, 8], 0),
+    "a.xda": (XDA, [7, 8, 8], 2),
+    "v07.xda": (XDA07, [7, 8, 8], 1),
+    "point.dat": (TECPLOT_POINT, None, 0),
+    "block.tec": (TECPLOT_BLOCK, [7, 8, 8], 0),
+    "zones.dat": (TECPLOT_ZONES, [1, 2, 2], 0),
+    "nodes.mesh": (NODES_H1, [7, 8, 8], 1),
+    "a.unv": (UNV, [1, 2, 2], 1),
+    "v780.unv": (UNV780, [7, 8, 8], 0),
 }
 if find_spec("h5py"):  # of the extra io
     FILES["hdf5.nc"] = (ugrid_hdf5(), [7, 8, 8], 0)
-TEXT = [name for name, (content, _, _) in FILES.items() if isinstance(content, str)]
+# Formats of one type of cell hold a part of that mesh, or its quads cut in two. File name ->
+# content, cells, their regions, number of line cells.
+CUT = [(0, 1, 4), (0, 4, 3), (1, 2, 5), (1, 5, 4), (2, 6, 5)]
+ONE_KIND: dict[str, tuple[str, list[tuple[int, ...]], list[int] | None, int]] = {
+    "freefem.msh": (FREEFEM, CUT, [7, 7, 8, 8, 8], 2),
+    "ism.mesh": (ISM, QUADS, [0, 0], 1),
+    "ismv2.mesh": (ISMV2, QUADS, [0, 0], 2),
+    "ismmm.mesh": (ISMMM, QUADS, [1, 2], 1),
+    "hohq.inp": (HOHQ, QUADS, [0, 0], 2),
+}
+EVERY = [*FILES, *ONE_KIND]
+TEXT = [name for name, (content, _, _) in FILES.items() if isinstance(content, str)] + [*ONE_KIND]
 
 
 def content_of(name: str) -> bytes:
-    content = FILES[name][0]
+    content = (FILES | ONE_KIND)[name][0]
     return content.encode() if isinstance(content, str) else content

@@ -292,6 +292,7 @@ def _renumbered(mesh: Mesh, stays: BoolArray, ids: IndexArray) -> Mesh:
         data=b"",
         slots=None,
         data_slots={},
+        beside={},
         places=None,
     )
     return content.to_mesh(mesh.surface).with_fixed(fixed)

@@ -43,7 +43,7 @@ def test_missing_file(tmp_path):
 def test_folder_instead_of_a_file(tmp_path, mesh, ending):
     folder = tmp_path / f"folder{ending}"
     folder.mkdir()
-    with pytest.raises(MeshError, match=r"cannot read '.*folder.*': Is a directory"):
+    with pytest.raises(MeshError, match=r"cannot read '.*folder.*': it is a folder"):
         read_mesh(folder)
     with pytest.raises(MeshError, match=r"cannot write '.*folder.*': "):
         write_mesh(folder, mesh, format="off")

@@ -1,5 +1,6 @@
 """Small files of every format: what is read, kept and converted."""
 
+import re
 import sys
 import warnings
 from pathlib import Path
@@ -9,12 +10,21 @@ import pytest
 
 from format_samples import (
     COFF,
+    EVERY,
     FILES,
+    HOHQ_CURVED,
+    ISM_CURVED,
+    MSH20,
+    NODES_L2,
     OBJ,
     OFF,
+    ONE_KIND,
     POINTS,
     QUADS,
     SU2,
+    TECPLOT_BLOCK,
+    TECPLOT_POINT,
+    TECPLOT_ZONES,
     TEXT,
     TRIANGLES,
     VTK,
@@ -22,7 +32,7 @@ from format_samples import (
 )
 from qsmooth.errors import MeshError, MeshWarning
 from qsmooth.io import format_of, format_records, formats, own_formats, read_mesh, write_mesh
-from qsmooth.io.registry import named
+from qsmooth.io.registry import named, only
 from qsmooth.mesh import Mesh
 
 # Formats that hold triangles and quads in one file.
@@ -52,6 +62,17 @@ def test_reading(put, name):
         assert mesh.topology.lines[0].tolist() == [0, 1]
 
 
+@pytest.mark.parametrize("name", ONE_KIND)
+def test_reading_formats_of_one_type_of_cell(put, name):
+    _, expected, regions, n_lines = ONE_KIND[name]
+    mesh = read_mesh(put(name, content_of(name)))
+    assert mesh.points[:, :2].tolist() == [list(map(float, p)) for p in POINTS]
+    assert [tuple(row) for block in mesh.cells for row in block.tolist()] == expected
+    assert (None if mesh.regions is None else mesh.regions.tolist()) == regions
+    assert len(mesh.topology.lines) == n_lines
+    assert mesh.topology.lines[0].tolist() == [0, 1]
+
+
 @pytest.mark.parametrize("name", TEXT)
 def test_crlf_and_a_byte_order_mark(put, name):
     content = content_of(name).replace(b"\n", b"\r\n")
@@ -66,13 +87,39 @@ def test_crlf_and_a_byte_order_mark(put, name):
         assert path.read_bytes().count(b"\r\n") == content.count(b"\r\n")
 
 
+ODD_ENDS = {
+    "old Macintosh, and a newline at the end": lambda text: text.replace("\n", "\r") + "\n",
+    "twice converted": lambda text: text.replace("\n", "\r\r\n"),
+    "newline first": lambda text: text.replace("\n", "\n\r"),
+    "of three sorts": lambda text: text.replace("\n", "\r\n", 5).replace("\nNE", "\rNE"),
+    "form feeds and blanks": lambda text: text.replace("\n", " \t\f\n"),
+    "none at the end": lambda text: text.rstrip("\n"),
+}
+
+
+@pytest.mark.parametrize("ends", ODD_ENDS)
+def test_su2_with_odd_line_ends(put, ends):
+    content = ODD_ENDS[ends](SU2).encode()
+    path = put("a.su2", content)
+    mesh = read_mesh(path)
+    assert mesh.points.tolist() == [list(map(float, p)) for p in POINTS]
+    assert [cells.tolist() for cells in mesh.cells] == [
+        [list(cell) for cell in QUADS],
+        [list(cell) for cell in TRIANGLES],
+    ]
+    assert list(mesh.source.names) == ["shore", "SEND_RECEIVE"]
+    assert len(mesh.topology.lines) == 2
+    write_mesh(path, move(mesh))
+    assert re.sub(rb"1\.4333333333333333", b"1.1", path.read_bytes()) == content
+
+
 def move(mesh: Mesh) -> Mesh:
     points = mesh.points.copy()
     points[4, :2] += [1 / 3, -1e-17]
     return mesh.with_points(points)
 
 
-@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize("name", EVERY)
 def test_writing_back_keeps_every_other_byte(put, tmp_path, name):
     mesh = read_mesh(put(name, content_of(name)))
     copy = tmp_path / f"copy-{name}"
@@ -95,12 +142,18 @@ def test_writing_back_keeps_every_other_byte(put, tmp_path, name):
         assert sum(a != b for a, b in zip(before, after, strict=True)) <= 5
 
 
-@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize("name", EVERY)
 @pytest.mark.parametrize("form", MIXED)
 def test_conversion(put, tmp_path, name, form):
     """Vertices, cells and, where both have them, regions and lines go over."""
     mesh = move(read_mesh(put(name, content_of(name))))
     path = tmp_path / f"converted{named(form).ENDINGS[0]}"
+    kind = only(named(form))
+    if kind and any(cells.shape[1] != (3 if kind == "triangle" else 4) for cells in mesh.cells):
+        with pytest.raises(MeshError, match=f"format {form} holds {kind}s only, there are"):
+            write_mesh(path, mesh, format=form)
+        assert not path.exists()
+        return
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         write_mesh(path, mesh, format=form)
@@ -109,8 +162,10 @@ def test_conversion(put, tmp_path, name, form):
     said = str(caught[0].message) if caught else ""
     back = read_mesh(path, format=form)
     assert np.array_equal(back.points[:, :2], mesh.points[:, :2])
-    cells = [tuple(row) for block in back.cells for row in block.tolist()]
-    assert sorted(cells) == sorted([*QUADS, *TRIANGLES])
+    old, new = (
+        sorted(tuple(row) for block in one.cells for row in block.tolist()) for one in (mesh, back)
+    )
+    assert new == old
     kept = mesh.regions is not None and back.regions is not None
     if mesh.regions is not None and len(set(mesh.regions.tolist())) > 1:
         same = kept and len(set(back.regions.tolist())) == len(set(mesh.regions.tolist()))
@@ -126,6 +181,90 @@ def test_conversion_says_what_is_lost(put, tmp_path):
     said = str(warning.message)
     for word in ("2 line cells", "1 point cells", "2 regions", "wind, fixed", "time", "a.off"):
         assert word in said
+
+
+def test_tecplot_keeps_variables_zones_and_layout(put, tmp_path):
+    mesh = read_mesh(put("a.dat", TECPLOT_POINT))
+    assert list(mesh.source.point_data) == ["depth, m"]
+    assert mesh.source.point_data["depth, m"].tolist() == [i + 0.5 for i in range(8)]
+    mesh = read_mesh(put("b.tec", TECPLOT_BLOCK))
+    assert np.isnan(mesh.source.cell_data["p"][1]).all()
+    mesh = read_mesh(put("c.dat", TECPLOT_ZONES))
+    assert mesh.source.names == {"left": (1, 2), "right": (2, 2)}
+    assert mesh.source.extras == ("values of zone 3",)
+    copy = tmp_path / "copy.dat"
+    write_mesh(copy, move(mesh))
+    old, new = TECPLOT_ZONES.split("\n"), copy.read_text().split("\n")
+    assert [(a, b) for a, b in zip(old, new, strict=True) if a != b] == [
+        ("1.1 0.9 0 1.5", "1.4333333333333333 0.9 0 1.5")
+    ]
+
+
+def test_tecplot_of_arrays_and_data(put, tmp_path):
+    mesh = read_mesh(put("a.vtk", VTK))
+    with pytest.warns(MeshWarning, match="cannot hold 2 line cells"):
+        write_mesh(tmp_path / "a.dat", mesh)
+    back = read_mesh(tmp_path / "a.dat")
+    assert back.regions.tolist() == [7, 8, 8]
+    assert list(back.source.point_data) == ["wind_0", "wind_1", "wind_2", "fixed"]
+    write_mesh(tmp_path / "b.dat", Mesh([(0, 0), (1, 0), (0, 1)], [(0, 1, 2)]))
+    assert "ZONETYPE=FETRIANGLE" in (tmp_path / "b.dat").read_text()
+    assert read_mesh(tmp_path / "b.dat").cells[0].tolist() == [[0, 1, 2]]
+
+
+def test_what_meshio_writes_as_tecplot_is_read(put, tmp_path):
+    meshio = pytest.importorskip("meshio")
+    points = np.array(POINTS, float) / 3
+    cells = [("quad", QUADS), ("triangle", TRIANGLES)]
+    data = {"p": np.arange(8.0)}
+    meshio.Mesh(points, cells, point_data=data).write(tmp_path / "a.dat", file_format="tecplot")
+    mesh = read_mesh(tmp_path / "a.dat")
+    assert np.allclose(mesh.points, points, atol=1e-15)
+    assert sum(map(len, mesh.cells)) == 3
+    assert mesh.source.point_data["p"].tolist() == list(range(8))
+
+
+def test_physical_names_without_a_dimension_have_that_of_their_cells(put, tmp_path):
+    mesh = read_mesh(put("a.msh", MSH20))
+    assert mesh.source.names == {"shore": (9, 1), "left part": (5, 2)}
+    write_mesh(tmp_path / "copy.msh", move(mesh))
+    old, new = MSH20.encode().split(b"\r\n"), (tmp_path / "copy.msh").read_bytes().split(b"\r\n")
+    assert sum(a != b for a, b in zip(old, new, strict=True)) == 1
+    with pytest.warns(MeshWarning):
+        write_mesh(tmp_path / "b.vtk", mesh)
+
+
+def test_places_of_corners_are_joined_where_they_are_the_same(put, tmp_path):
+    mesh = read_mesh(put("l2.mesh", NODES_L2))
+    assert mesh.points.tolist() == [list(map(float, p)) for p in POINTS[:7]]
+    assert [cells.tolist() for cells in mesh.cells] == [
+        [list(cell) for cell in QUADS],
+        [list(cell) for cell in TRIANGLES],
+    ]
+    assert mesh.topology.lines.tolist() == [[0, 1]]
+    assert mesh.source.notes == ()
+    torn = NODES_L2.replace("1.1 0.9", "1.1 0.8", 1)
+    with pytest.warns(MeshWarning, match="7 vertices have 8 places"):
+        mesh = read_mesh(put("torn.mesh", torn))
+    write_mesh(tmp_path / "copy.mesh", mesh)
+    assert (tmp_path / "copy.mesh").read_text() == torn
+
+
+@pytest.mark.parametrize("name", ["a.mesh", "a.inp"])
+def test_curved_sides_hold_the_vertices_at_their_ends(put, tmp_path, name):
+    content = ISM_CURVED if name == "a.mesh" else HOHQ_CURVED
+    with pytest.warns(MeshWarning, match="1 curved side stays as it is; cells are judged as if"):
+        mesh = read_mesh(put(name, content))
+    copy = tmp_path / f"copy-{name}"
+    write_mesh(copy, move(mesh))
+    assert "0.5 -0.1 0" in copy.read_text()
+    assert mesh.topology.lines[0].tolist() == [0, 1]
+    points = mesh.points.copy()
+    points[1, 0] += 0.1
+    with pytest.raises(MeshError, match="vertex 1 at the end of a curved side has moved"):
+        write_mesh(tmp_path / name, mesh.with_points(points))
+    with pytest.warns(MeshWarning, match="cannot hold .*curved sides"):
+        write_mesh(tmp_path / "a.off", mesh.with_points(points))
 
 
 def test_gmsh_keeps_names_and_lines_of_su2(put, tmp_path):

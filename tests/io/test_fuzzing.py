@@ -11,7 +11,20 @@ import zlib
 import numpy as np
 import pytest
 
-from format_samples import ABAQUS, ADCIRC, SMS, SU2, TEXT_CELLS, UCD, VTK, XYZ, vtu_arrays
+from format_samples import (
+    ABAQUS,
+    ADCIRC,
+    ISM,
+    SMS,
+    SU2,
+    TEXT_CELLS,
+    UCD,
+    UNV,
+    VTK,
+    XDA,
+    XYZ,
+    vtu_arrays,
+)
 from qsmooth.errors import MeshError
 from qsmooth.io import read_mesh
 
@@ -97,6 +110,14 @@ HOSTILE = {
     "half.inp": (UCD.replace("\n25 2", "\n25.5 2"), "no integers, the first is 25.5"),
     "polygons.off": (polygons(), "and 35 more types"),
     "marks.su2": (SU2.replace("ELEMS= 2", "ELEMS= 99999999"), "says 99999999 rows"),
+    "zones.dat": (
+        "VARIABLES = x y\n"
+        + 15_000 * "ZONE T=a, N=3,E=1,F=FEPOINT,ET=TRIANGLE\n0 0\n1 0\n0 1\n1 2 3\n",
+        "more than 9804 such zones",
+    ),
+    "order.mesh": (ISM.replace(" 8 2 2", " 8 2 99999999"), "sides of order 99999999"),
+    "nodes.xda": (XDA.replace("8\t # number of nodes", "99999999\t #"), "are missing"),
+    "group.unv": (UNV.replace("         3\nright", "  99999999\nright"), "99999999 members"),
     "rows.vtk": (VTK.replace("CELLS 5 20", "CELLS 999999999 20"), "999999999 cells"),
 }
 
@@ -187,6 +208,17 @@ def test_a_section_for_each_node_is_read_in_time(put, name):
     mesh = read_within_limits(put(name, MANY[name]))
     assert mesh.n_cells == 3
     assert len(mesh.source.names) in (2, 80_002, 200_002)
+
+
+def test_sets_by_the_ten_thousand_are_read_in_time(put):
+    read_mesh(put("warm.xda", XDA))
+    sets = "".join(f"1 {k}\n" for k in range(40_000))
+    content = XDA.replace("2\t # number of nodesets\n7 4\n3 5\n", f"40000\t #\n{sets}")
+    mesh = read_within_limits(put("sets.xda", content))
+    assert len(mesh.source.point_sets) == 40_000
+    groups = "".join(f"{k} 0 0 0 0 0 0 1\ng{k}\n 7 5 0 0\n" for k in range(10_000))
+    mesh = read_within_limits(put("groups.unv", f"{UNV}    -1\n  2467\n{groups}    -1\n"))
+    assert len(mesh.source.point_sets) == 10_001
 
 
 def test_sets_of_sets_do_not_double_for_ever(put):

@@ -59,6 +59,13 @@ def ply(binary):
     return head.encode() + body + b"".join(struct.pack("<B4i", 4, *q) for q in QUADS.tolist())
 
 
+def tecplot(packing):
+    head = f'VARIABLES = "x", "bed", "y", "z", "flow", "same"\nZONE N={N}, E=16, '
+    head += f"DATAPACKING={packing}, ZONETYPE=FEQUADRILATERAL\n"
+    table = np.column_stack([POINTS[:, 0], BED, POINTS[:, 1], 0 * BED, BED, BED])
+    return (head + rows(table if packing == "POINT" else table.T) + rows(QUADS + 1)).encode()
+
+
 def vtu(how):
     """Text, base64, base64 of compressed blocks, or raw at the end."""
     appended = b""
@@ -148,6 +155,8 @@ FILES = {
     "binary.vtk": vtk(True),
     "text.ply": ply(False),
     "binary.ply": ply(True),
+    "point.dat": tecplot("POINT"),
+    "block.dat": tecplot("BLOCK"),
     **{f"{how}.vtu": vtu(how) for how in ("text", "base64", "zlib", "appended")},
 }
 

@@ -7,16 +7,20 @@ import pytest
 
 from format_samples import (
     ABAQUS,
+    EVERY,
     FILES,
     MEDIT,
     MFEM,
     MSH2,
     OBJ,
     OFF,
+    ONE_KIND,
     PLY,
     SMS,
     SU2,
     UCD,
+    UNV,
+    XDA,
     content_of,
 )
 from qsmooth.errors import MeshError, MeshWarning
@@ -43,6 +47,11 @@ SECOND_ORDER = {
     "medit.mesh": (MEDIT.replace("End", "TrianglesP2 1\n1 2 3 4 5 6 0\nEnd"), "triangle6"),
     "mfem.mesh": (MFEM.replace("8 2 2 6 5", "8 4 2 6 5 3"), "tetra"),
     "a.2dm": (SMS.replace("E3T 3 25 65 55", "E6T 3 25 65 55 5 15 35"), "triangle6 .*, line 6"),
+    "a.unv": (
+        UNV.replace("41         2         1         7         3\n", "42 2 1 7 6\n 5 15 35 "),
+        "triangle6 .*line 35",
+    ),
+    "a.xda": (XDA.replace("3 10 8 2 6 5\n", "4 10 8 2 6 5 0 1 2\n"), "triangle6 .*line 31"),
 }  # fmt: skip
 
 
@@ -75,6 +84,7 @@ WRONG = [
     ("v2.msh", "2 1 2 9 1 5 15", "2 99 2 9 1 5 15", "element type 99"),
     ("v2.msh", "\n15 1", "\n5 1", "ids come twice"),
     ("v2.msh", "2.2 0 8", "3.0 0 8", "MSH version 3.0"),
+    ("v1.msh", "\n1 3 5 1 4 1 2 5 4", "\n1 1 5 1 4 1 2 5 4", "line 14: a line with 2 tags cannot"),
     ("v4.msh", "2 8 1 8", "2 9 1 8", "says 9 nodes"),
     ("v4.msh", "4 4 1 4", "4 5 1 4", "says 5 elements"),
     ("a.vtk", "POINTS 8", "POINTS 9", "line"),
@@ -108,7 +118,6 @@ WRONG = [
     ("mfem.mesh", "elements\n3", "elements\n4", "line"),
     ("mfem.mesh", "elements\n3", "elements\n2", "is no section"),
     ("mfem.mesh", "MFEM mesh v1.0", "MFEM NURBS mesh v1.0", "only 'MFEM mesh'"),
-    ("mfem.mesh", "vertices\n8\n2\n", "vertices\n8\nnodes\n", "curved"),
     ("a.2dm", "ND 25 2 0 -2.5", "ND 25 2 0", "line 9: a node needs an id, x, y and z"),
     ("a.2dm", "ND 25 2 0 -2.5", "ND 25 2 zero -2.5", "line 9: 'zero' is not a number"),
     ("a.2dm", "ND 25 2", "ND 15 2", "1 node ids come twice"),
@@ -133,12 +142,55 @@ WRONG = [
     ("mike.mesh", "3 4 25", "3 4 26", "line 9: .*type .21 or 25. expected"),
     ("mike.mesh", "3 4 25", "3 3 21", "line 10: an element needs an id and 3 to 3 nodes"),
     ("mike.mesh", "1 5 15 45 35", "1 5 15 45 36", "node id 36"),
+    ("mfem.mesh", "vertices\n8\n2\n", "vertices\n8\nnodes\n", "FiniteElementSpace expected"),
+    ("nodes.mesh", "H1_2D_P1", "H1_2D_P3", "line 24: nodes of 'H1_2D_P3'.*higher order is curved"),
+    ("nodes.mesh", "VDim: 2", "VDim: 4", "4 coordinates of a node"),
+    ("nodes.mesh", "Ordering: 0", "Ordering: 2", "must be 0 or 1"),
+    ("nodes.mesh", "vertices\n8", "vertices\n9", "line 24.*too early"),
+    ("freefem.msh", "8 5 2", "8 5 3", "5 triangles and 3 edges take 56 numbers, the file has 53"),
+    ("freefem.msh", "1 5 4 7", "1 5 9 7", "1 triangle cell names.*line 11.*vertex 8"),
+    ("freefem.msh", "1 5 4 7", "1 5 4 x", "line 11: 'x' is not an integer"),
+    ("point.dat", "N=8", "N=9", "line 17: the file ends too early: 3 numbers"),
+    ("point.dat", "E=3", "E=4", "line"),
+    ("point.dat", "E=3", "E=2", "line 5: 32 numbers expected, 36 found"),
+    ("point.dat", "2 3 6 5", "2 3 6 9", "line 16: a cell names a node outside 1..8"),
+    ("point.dat", "ET=QUADRILATERAL", "ET=BRICK", "line 5: a zone of type 'BRICK' is not read"),
+    ("point.dat", "N=8, E=3,\n F=FEPOINT, ET=QUADRILATERAL", "I=4, J=2", "type 'ORDERED'"),
+    ("point.dat", "1.1 0.9 4.5", "3*1.5", "line 11: values written once for several"),
+    ("block.tec", "[3-4]", "[3-5]", "line 2: there is no variable 5, of 4"),
+    ("block.tec", "=block", "=point", "values at cells need DATAPACKING=BLOCK"),
+    ("zones.dat", "[1-4]=1", "[1-4]=2", "line 12: coordinates of zone 2"),
+    ("zones.dat", "[1-3]=1", "[1-2]=1", "line 16: 16 values expected, 8 found"),
+    ("zones.dat", "[1-4]=1", "[1-2]=1", "line 11: coordinates that|values expected"),
+    ("zones.dat", "VARSHARELIST=([1-3]=1), ", "", "a moving mesh|values expected"),
+    ("ism.mesh", " 8 2 2", " 8 3 2", "3 elements expected, the file has 2"),
+    ("ism.mesh", "0 0 0 0", "1 0 0 0", "line 1[23]: a point of a curved side"),
+    ("ism.mesh", " 8 2 2", " 8 2 61", "order 61"),
+    ("ism.mesh", "shore --- ---", "shore ---", "line 12: an element needs four names"),
+    ("ism.mesh", "2 3 6 5", "2 3 6 9", "vertex id 9"),
+    ("ismv2.mesh", "8 7 2 2", "8 8 2 2", "line"),
+    ("ismmm.mesh", "5 Marrow", "5", "line 14: this is no element: 5 words"),
+    ("hohq.inp", "**  0 0 0 0", "**  0 0 2 0", "line 17: this is no element"),
+    ("a.unv", "273.15\n    -1\n", "273.15\n", "a dataset has no end"),
+    ("a.unv", "  2411\n", "  2419\n", "no dataset of nodes"),
+    ("a.unv", "  2412\n", "  2419\n", "no dataset of elements"),
+    ("a.unv", "        25        65        55", "        25        65", "ends within an element"),
+    ("a.unv", "        25        65        55", "        25        65        56", "node id 56"),
+    ("a.unv", "        12        44         2", "        12        44", "line .*element"),
+    ("a.unv", "         0         3\nright", "         0         9\nright", "group of 9 members"),
+    ("a.xda", "3\t # n", "4\t # n", "elements that were refined"),
+    ("a.xda", "8\t # number of nodes", "9\t # number of nodes", "line"),
+    ("a.xda", "5 9 8 1 2 5 4", "5 9 8 1 2 5", "a quad needs 7 numbers"),
+    ("a.xda", "5 9 8 1 2 5 4", "99 9 8 1 2 5 4", "element type 99"),
+    ("a.xda", "1 0 9", "2 3 9", "line 56: 1 conditions are on no side"),
+    ("a.xda", "7 4\n3 5", "7 4\n8 5", "line 64: there is no node 8"),
+    ("a.xda", "0\t # vector length", "1\t # vector length", "integers of nodes"),
 ]
 
 
 @pytest.mark.parametrize(("name", "old", "new", "message"), WRONG)
 def test_wrong_files(put, name, old, new, message):
-    content = FILES[name][0]
+    content = (FILES | ONE_KIND)[name][0]
     assert isinstance(content, str)
     assert old in content
     path = put(name, content.replace(old, new, 1))
@@ -147,7 +199,7 @@ def test_wrong_files(put, name, old, new, message):
     assert str(path) in str(caught.value)
 
 
-@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize("name", EVERY)
 def test_truncated_anywhere(put, name):
     """One clear error, or, where only a remark was cut off, the same mesh."""
     content = content_of(name)
@@ -167,7 +219,7 @@ def test_truncated_anywhere(put, name):
 
 def is_open_ended(name: str) -> bool:
     """Formats without counts: a file cut off may be a whole one. MFEM ends with coordinates."""
-    return name in ("a.obj", "abaqus.inp", "mfem.mesh", "a.2dm")
+    return name in ("a.obj", "abaqus.inp", "mfem.mesh", "nodes.mesh", "a.2dm")
 
 
 @pytest.mark.parametrize("ending", sorted({e for form in own_formats() for e in form.ENDINGS}))
@@ -180,7 +232,7 @@ def test_garbage(put, ending):
         assert str(path) in str(caught.value)
 
 
-@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize("name", EVERY)
 def test_damaged_bytes_never_end_in_another_error(put, name):
     rng = np.random.default_rng(0)
     content = bytearray(content_of(name))

@@ -190,7 +190,9 @@ def require_format(
 
 def refuse_unsafe(mesh_file: Path, output: Path, overwrite: bool, json_file: Path | None) -> None:
     """Refuse outputs that would destroy a file, before any work is done."""
-    if output.is_dir():
+    from qsmooth.io.folders import has_mesh
+
+    if output.is_dir() and not has_mesh(output):
         raise ValueError(f"'{output}' is a folder; OUT must be a file")
     if not output.parent.is_dir():
         raise ValueError(f"cannot write '{output}': there is no folder '{output.parent}'")

@@ -5,6 +5,8 @@ keep besides points, triangles and quads), ``sniff`` (does a file begin like one
 ``read`` and ``write``; `registry` finds it, and says what else it may have. All else that meshio
 reads comes through it, checked.
 
+A format whose meshes are folders of several files has other names, see `registry.FolderFormat`.
+
 A file is written back in its own format by putting the coordinates that changed in place of the
 old ones; every other byte stays.
 """
@@ -20,12 +22,12 @@ import numpy as np
 
 from qsmooth._types import FloatArray
 from qsmooth.errors import MeshError, MeshWarning
-from qsmooth.io import via_meshio
+from qsmooth.io import folders, via_meshio
 from qsmooth.io.file_content import FileContent, of_mesh
 from qsmooth.io.files import read_bytes, write_bytes
 from qsmooth.io.listing import FormatRecord, format_records
 from qsmooth.io.recognition import format_to_read, format_to_write, formats, require_known
-from qsmooth.io.registry import named, own_formats
+from qsmooth.io.registry import folder_format, named, only, own_formats
 
 if TYPE_CHECKING:
     from qsmooth.mesh import Mesh, MeshLike, Surface
@@ -58,8 +60,8 @@ def read_mesh(
     Parameters
     ----------
     path
-        The format goes by the file's ending, and by its content where several share an ending or
-        none has it.
+        A file, or the folder of a mesh of several files, as Elmer has them. The format goes by
+        the file's ending, and by its content where several share an ending or none has it.
     surface
         "flat" takes z for a field on a flat mesh; see `Mesh`. Of hydrodynamic formats it is one.
     format
@@ -126,6 +128,8 @@ def write_and_tell(path: PathLike, mesh: MeshLike, *, format: str | None = None)
     source = mesh.source if isinstance(mesh.source, FileContent) else None
     name = format_of(path, mesh, format=format)
     same_format = source is not None and source.format == name
+    if folder := folder_format(name):
+        return tuple(folders.write(path, folder, mesh, source if same_format else None))
     if same_format and source is not None and source.data and _can_write_in_place(source, mesh):
         write_bytes(path, _written_in_place(source, mesh))
         return ()
@@ -143,7 +147,7 @@ def format_of(path: PathLike, mesh: Mesh, *, format: str | None = None) -> str:
     Raises
     ------
     MeshError
-        If there is none, or no such one.
+        If there is none, no such one, or none that holds these cells.
     """
     path = Path(path)
     source = mesh.source if isinstance(mesh.source, FileContent) else None
@@ -152,16 +156,25 @@ def format_of(path: PathLike, mesh: Mesh, *, format: str | None = None) -> str:
         require_known(name)
     except MeshError as error:
         raise MeshError(f"cannot write '{path}': {error}") from None
+    kind = only(named(name))
+    n_others = sum(len(c) for c in mesh.cells if c.shape[1] != (3 if kind == "triangle" else 4))
+    if kind and n_others:
+        other = "quads" if kind == "triangle" else "triangles"
+        raise MeshError(
+            f"cannot write '{path}': format {name} holds {kind}s only, there are {n_others} {other}"
+        )
     return name
 
 
 def holds_point_data(name: str) -> bool:
     """Whether a format can keep point data; of meshio's that is seen when it is written."""
-    form = named(name)
+    form = named(name) or folder_format(name)
     return form is None or "point_data" in form.HOLDS
 
 
 def _read(path: Path, name: str | None) -> FileContent:
+    if path.is_dir():
+        return folders.read(path, name)
     data = read_bytes(path)
     if not data.strip():
         raise MeshError("the file is empty")

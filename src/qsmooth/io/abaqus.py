@@ -12,7 +12,19 @@ from qsmooth._types import IndexArray
 from qsmooth.errors import MeshError
 from qsmooth.io.abaqus_keywords import keyword_lines
 from qsmooth.io.file_content import FACES, Block, FileContent
-from qsmooth.io.text import Text, blanked, blocks_by_id, finish, integers, line_of, rows_of
+from qsmooth.io.hohq import CurvesStay, Quads, quads_in_comments
+from qsmooth.io.sets import MOST_PARTS, by_block, members, partition
+from qsmooth.io.text import (
+    Text,
+    blanked,
+    blocks_by_id,
+    finish,
+    integers,
+    line_of,
+    positions,
+    rows_of,
+    with_newlines,
+)
 
 NAME = "abaqus"
 ENDINGS = (".inp",)
@@ -31,7 +43,6 @@ LINE = re.compile(
 LINE3 = re.compile(r"(?:T[23]D3|B[23]2|SAX2|DC1D3)[A-Z]*$")
 POINT = re.compile(r"(?:MASS|ROTARYI|SPRING1|DASHPOT1|HEATCAP)$")
 LONGEST_RANGE = 10**7  # ids of all GENERATE; a damaged number must not fill the memory
-MOST_PARTS = 10**6  # sets times blocks of elements: a set has an array for each block
 GENERATORS = ("NGEN", "NFILL", "NCOPY", "ELGEN", "ELCOPY", "NMAP")
 GAP = rb",[ \t]*,"
 NOTHING = np.empty(0, np.int64)
@@ -53,9 +64,7 @@ class _Reader:
 
     def __init__(self, data: bytes) -> None:
         self.data = data
-        clean = blanked(data, rb"(?m)^[ \t]*\*\*[^\r\n]*")
-        if b"\n" not in clean:
-            clean = clean.replace(b"\r", b"\n")
+        clean = blanked(with_newlines(data), rb"(?m)^[ \t]*\*\*[^\r\n]*")
         self.clean = clean
         self.text = Text(clean.replace(b",", b" "))
         self.ids: list[np.ndarray] = []  # as numbers of any kind: they stand beside coordinates
@@ -227,29 +236,32 @@ class _Reader:
             for (kind, _, corners, _), read in zip(self.elements, linear, strict=True)
         ]
         every = np.concatenate([numbers for _, numbers, _, _ in self.elements])
-        cell_rows = _members(every, self.sets["ELSET"])
+        cell_rows = members(every, self.sets["ELSET"])
         unique = len(np.unique(every)) == len(every)
         tags, names = self.tags_by_block(blocks)
         if tags is None and unique:
-            tags, names = _partition(blocks, cell_rows)
+            tags, names = partition(blocks, cell_rows)
         cell_sets = {}
         others = sorted(f"*{key}" for key in set(self.others))
         if len(cell_rows) * len(blocks) > MOST_PARTS:
             others.append(f"{len(cell_rows)} sets of elements")
         elif unique:  # ids say nothing else
             ends = np.cumsum([len(cells) for _, cells in blocks])
-            cell_sets = {name: _by_block(rows, ends) for name, rows in cell_rows.items()}
-        return FileContent(
+            cell_sets = {name: by_block(rows, ends) for name, rows in cell_rows.items()}
+        content = FileContent(
             np.ascontiguousarray(np.concatenate(self.points)),
             blocks,
             tags,
             names,
-            point_sets=_members(ids, self.sets["NSET"]),
+            point_sets=members(ids, self.sets["NSET"]),
             cell_sets=cell_sets,
             extras=tuple(others),
             slots=self.text.slots(np.concatenate(self.slots)),
             places=[self.text.starts[tokens] for *_, tokens in self.elements],
         )
+        if quads := quads_in_comments(self.data):
+            _add_sides(content, quads, ids)
+        return content
 
     def tags_by_block(
         self, blocks: list[Block]
@@ -271,63 +283,25 @@ def _even(rows: IndexArray) -> bool:
     return len(rows) == 2 or not np.diff(rows, 2).any()
 
 
-def _members(ids: IndexArray, sets: dict[str, list[IndexArray]]) -> dict[str, IndexArray]:
-    """Where the members of each set stand among `ids`, ascending."""
-    if not sets:
-        return {}
-    order = np.argsort(ids, kind="stable")
-    ordered = ids[order]
-    sizes = [sum(map(len, parts)) for parts in sets.values()]
-    wanted = np.concatenate([part for parts in sets.values() for part in parts])
-    wanted, owners = _each_once(wanted, np.repeat(np.arange(len(sets)), sizes))
-    begins = np.searchsorted(ordered, wanted)
-    counts = np.searchsorted(ordered, wanted, side="right") - begins
-    rows = np.repeat(begins - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
-    rows, owners = _each_once(order[rows], np.repeat(owners, counts))
-    cuts = np.searchsorted(owners, np.arange(len(sets) + 1)).tolist()
-    return {name: rows[i:j] for name, (i, j) in zip(sets, pairwise(cuts), strict=True)}
-
-
-def _each_once(values: IndexArray, owners: IndexArray) -> tuple[IndexArray, IndexArray]:
-    """Values in order within each owner, repeated ones left out."""
-    order = np.lexsort((values, owners))
-    values, owners = values[order], owners[order]
-    first = np.ones(len(values), np.bool_)
-    first[1:] = (values[1:] != values[:-1]) | (owners[1:] != owners[:-1])
-    return values[first], owners[first]
-
-
-def _by_block(rows: IndexArray, ends: IndexArray) -> list[IndexArray]:
-    """Cells counted through all blocks, as cells of each."""
-    if len(ends) == 1:
-        return [rows]
-    cuts = np.searchsorted(rows, ends)
-    begins = np.append(0, cuts[:-1])
-    firsts = np.append(0, ends[:-1])
-    return [rows[i:j] - first for i, j, first in zip(begins, cuts, firsts, strict=True)]
-
-
-def _partition(
-    blocks: list[Block], cell_rows: dict[str, IndexArray]
-) -> tuple[list[IndexArray] | None, dict[str, tuple[int, int]]]:
-    """Regions from the element sets, where each face is in exactly one of them.
-
-    Sets of all faces or of none are left out.
-    """
-    lengths = [len(cells) for _, cells in blocks]
-    is_face = np.repeat([kind in FACES for kind, _ in blocks], lengths)
-    count = np.zeros(len(is_face), np.int64)
-    tags = np.zeros(len(is_face), np.int64)
-    names: dict[str, tuple[int, int]] = {}
-    n_faces = np.count_nonzero(is_face)
-    for name, rows in cell_rows.items():
-        if 0 < np.count_nonzero(is_face[rows]) < n_faces:
-            names[name] = (len(names) + 1, 2)
-            count[rows] += 1
-            tags[rows] = len(names)
-    if not names or (count[is_face] != 1).any():
-        return None, {}
-    return np.split(tags, np.cumsum(lengths)[:-1]), names
+def _add_sides(content: FileContent, quads: Quads, ids: IndexArray) -> None:
+    """Sides that HOHQMesh has named or curved, as line cells."""
+    if len(quads.lines) == 0:
+        return
+    if content.tags is None:
+        content.tags = [np.zeros(len(cells), np.int64) for _, cells in content.blocks]
+    lines = positions(ids, quads.lines)
+    content.blocks.append(("line", lines))
+    content.tags.append(quads.tags)
+    for parts in content.cell_sets.values():
+        parts.append(NOTHING)
+    if content.places is not None:
+        content.places.append(quads.places)
+    content.names = quads.names | content.names
+    ends = np.unique(lines[quads.curved])
+    if ends.size and content.slots is not None:
+        content.slots = CurvesStay(content.slots, ends)
+        content.extras += ("curved sides",)
+        content.notes = quads.notes()
 
 
 def _kind(name: str) -> tuple[str, int]:
@@ -365,8 +339,8 @@ def write(content: FileContent) -> bytes:
             lines.append(f"*ELEMENT, TYPE={WRITTEN[kind]}{option}")
             lines += _commas(rows_of(ids[tags == tag], cells[tags == tag] + 1))
         first += len(cells)
-    for name, members in content.point_sets.items():
-        lines += [f"*NSET, NSET={name}", *_list(np.asarray(members) + 1)]
+    for name, vertices in content.point_sets.items():
+        lines += [f"*NSET, NSET={name}", *_list(np.asarray(vertices) + 1)]
     for name, parts in content.cell_sets.items():
         if name not in content.names:
             numbers = [

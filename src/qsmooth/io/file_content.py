@@ -90,6 +90,8 @@ class FileContent:
         Where it comes from: name of the format, ending and bytes of the file, place of its
         coordinates and of its point data, by name, as far as that can be written back.
         `slots` is None where there is no file or where it cannot be written back.
+    beside
+        The other files of the mesh, by name, where its format is a folder.
     places
         For each block the byte at which each cell stands, for messages; or None.
     """
@@ -117,6 +119,7 @@ class FileContent:
     data: bytes = b""
     slots: InPlace | None = None
     data_slots: dict[str, InPlace] = field(default_factory=dict)
+    beside: dict[str, bytes] = field(default_factory=dict)
     places: list[IndexArray] | None = None
 
     @property
@@ -159,6 +162,16 @@ class FileContent:
             first += len(cells)
             found.append((cells, tags))
         return found
+
+    @property
+    def lines(self) -> tuple[IndexArray, IndexArray]:
+        """All line cells, (n_lines, 2), and their tags, 0 where there are none."""
+        parts = self.of_type("line")
+        tags = [np.zeros(len(cells), np.int64) if t is None else t for cells, t in parts]
+        return (
+            np.concatenate([np.empty((0, 2), np.int64), *(cells for cells, _ in parts)]),
+            np.concatenate([np.empty(0, np.int64), *tags]),
+        )
 
     def check(self) -> None:
         """Refuse types that cannot be smoothed and vertices that do not exist.
@@ -248,7 +261,6 @@ class FileContent:
         regions = None
         if self.tags is not None:
             regions = np.concatenate([self.tags[b] for b in self.faces])
-        lines = [cells for cells, _ in self.of_type("line")]
         mesh = Mesh(
             self.points,
             [self.blocks[b][1] for b in self.faces],
@@ -257,7 +269,7 @@ class FileContent:
             fixed=self.held,
             geographic=self.geographic,
         )
-        return mesh.with_source(self, np.concatenate([np.empty((0, 2), np.int64), *lines]))
+        return mesh.with_source(self, self.lines[0])
 
     def losses(self, holds: frozenset[str]) -> list[str]:
         """What a format that holds only `holds` cannot keep, in words."""
@@ -299,7 +311,7 @@ def of_mesh(mesh: Mesh) -> FileContent:
         fields = {
             key: value
             for key, value in vars(source).items()
-            if key not in ("data", "slots", "data_slots")
+            if key not in ("data", "slots", "data_slots", "beside")
         }
         return FileContent(**{**fields, **own})
     blocks = [("triangle" if cells.shape[1] == 3 else "quad", cells) for cells in mesh.cells]

@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 import os
 import secrets
+import shutil
 import stat
 import time
 from collections.abc import Callable
@@ -62,6 +63,65 @@ def replace_bytes(path: Path, data: bytes) -> None:
         raise OSError(error.errno, reason(error), str(path)) from error
 
 
+def write_folder(path: Path, files: dict[str, bytes], others: tuple[str, ...] = ()) -> None:
+    """Write files that are one mesh, all or none of them.
+
+    Where there is no folder yet, it is made beside and then put in its place. In one that is there
+    a single file can be replaced in one step; several only where none is there, the first last.
+
+    Parameters
+    ----------
+    path
+        The folder; other files in it stay.
+    files
+        By name; the first is the one without which the folder has no mesh.
+    others
+        Names of files that would belong to the mesh if they were there.
+
+    Raises
+    ------
+    MeshError
+        If they cannot be written, or another mesh is in the folder.
+    """
+    try:
+        _write_folder(Path(os.path.realpath(path)), files, others)
+    except (OSError, ValueError) as error:
+        raise MeshError(f"cannot write '{path}': {reason(error)}") from error
+
+
+def _write_folder(target: Path, files: dict[str, bytes], others: tuple[str, ...]) -> None:
+    if not target.exists():
+        _remove_left_behind(target)
+        temporary = target.with_name(f"{_mark(target)}{secrets.token_hex(8)}")
+        temporary.mkdir()
+        try:
+            for name, data in files.items():
+                replace_bytes(temporary / name, data)
+            temporary.rename(target)
+        except BaseException:
+            shutil.rmtree(temporary, ignore_errors=True)
+            raise
+        return
+    if not target.is_dir():
+        raise NotADirectoryError(20, "It is a file, and the format takes a folder")
+    there = [name for name in (*files, *others) if (target / name).exists()]
+    differ = [n for n, data in files.items() if n not in there or read_bytes(target / n) != data]
+    if there and (len(differ) > 1 or any(name not in files for name in there)):
+        raise FileExistsError(
+            17, "another mesh is in this folder, whose files cannot be replaced in one step"
+        )
+    written: list[Path] = []
+    try:
+        for name in reversed(differ):
+            replace_bytes(target / name, files[name])
+            written.append(target / name)
+    except BaseException:
+        if not there:
+            for file in written:
+                file.unlink()
+        raise
+
+
 def replace_file(path: Path, fill: Callable[[Path], None]) -> None:
     """Have `fill` make a file beside `path`, then put it in its place in one step."""
     target = Path(os.path.realpath(path))  # a link stays a link
@@ -99,7 +159,7 @@ def _remove_left_behind(target: Path) -> None:
     with contextlib.suppress(OSError):
         for path in target.parent.glob(f"{_mark(target)}*"):
             if path.stat().st_mtime < time.time() - LEFT_BEHIND:
-                path.unlink()
+                shutil.rmtree(path) if path.is_dir() else path.unlink()
 
 
 def reason(error: Exception) -> str:

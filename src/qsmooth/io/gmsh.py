@@ -9,13 +9,14 @@ import numpy as np
 
 from qsmooth._types import FloatArray, IndexArray
 from qsmooth.errors import MeshError
-from qsmooth.io.file_content import FACES, N_VERTICES, FileContent
+from qsmooth.io.file_content import FACES, N_VERTICES, Block, FileContent
 from qsmooth.io.gmsh_data import NodeData, data_at_points, lines_of_data, read_node_data
 from qsmooth.io.in_place import Slots, joined
 from qsmooth.io.text import Cursor, blocks_by_id, finish, rows_of
 
 NAME = "gmsh"
 ENDINGS = (".msh",)
+PRIORITY = 1  # .msh is FreeFEM's too
 HOLDS = frozenset(("z", "vertex", "line", "regions", "names", "point_data"))
 
 # Element type -> (name, vertices), from Gmsh's manual; what is not first order in two dimensions
@@ -51,6 +52,7 @@ TYPES = {
 CODES = {"vertex": 15, "line": 1, "triangle": 2, "quad": 3}
 DIMENSIONS = {"vertex": 0, "line": 1, "triangle": 2, "quad": 2}
 INDENTED = 80  # bytes that are looked at before the end of a section, whether it starts a line
+UNKNOWN = -1  # dimension of a physical name in the first form of version 2, which has none
 TAGS = ("gmsh:physical", "gmsh:geometrical")
 
 
@@ -152,10 +154,11 @@ class _Reader:
         n = _integer(self.cursor, "physical names")
         for _ in range(n):
             line = self.cursor.line()
-            match = re.match(rb'(\d+)\s+(-?\d+)\s+"(.*)"$', line)
+            match = re.match(rb'(?:(\d+)\s+)?(-?\d+)\s+"(.*)"$', line)
             if not match:
                 self.cursor.fail(f"dimension, tag and name expected, found {line[:40]!r}")
-            self.names[match[3].decode("utf-8", "replace")] = (int(match[2]), int(match[1]))
+            dimension = int(match[1] or UNKNOWN)
+            self.names[match[3].decode("utf-8", "replace")] = (int(match[2]), dimension)
 
     def entities(self) -> None:
         # Text and binary alike: counts of four dimensions, then each entity with its box.
@@ -243,7 +246,6 @@ class _Reader:
         for i, j, table in text.tables(rows[:-1], widths, kinds):
             code, tags, width = int(codes[i]), int(n_tags[i]), int(widths[i])
             kind, n_corners = self.type_of(code, int(rows[i]))
-            n_corners = width - 5 if old else n_corners
             if width != (5 if old else 3 + tags) + n_corners or tags < 0:
                 text.fail(int(rows[i]), f"a {kind} with {tags} tags cannot have {width} numbers")
             first_tag = 2 if old else 3
@@ -305,6 +307,9 @@ class _Reader:
         blocks = blocks_by_id(ids, [(TYPES[code][0], cells) for code, _, cells, _ in self.parts])
         pairs = [pair for _, pair, _, _ in self.parts]
         cell_data = {name: [pair[:, c] for pair in pairs] for c, name in enumerate(TAGS)}
+        for name, (tag, dimension) in self.names.items():
+            if dimension == UNKNOWN:
+                self.names[name] = (tag, _dimension_of(tag, blocks, pairs))
         # Without physical groups the geometrical entities are the regions.
         physical = any(
             pair[:, 0].any() for (kind, _), pair in zip(blocks, pairs, strict=True) if kind in FACES
@@ -326,6 +331,16 @@ class _Reader:
             data_slots=data_slots,
             places=[place for _, _, _, place in self.parts],
         )
+
+
+def _dimension_of(tag: int, blocks: list[Block], pairs: list[IndexArray]) -> int:
+    """The highest dimension of elements with this physical tag; that of faces if it has none."""
+    found = [
+        DIMENSIONS.get(kind, 3)
+        for (kind, _), pair in zip(blocks, pairs, strict=True)
+        if (pair[:, 0] == tag).any()
+    ]
+    return max(found, default=2)
 
 
 def write(content: FileContent) -> bytes:

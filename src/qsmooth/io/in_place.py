@@ -36,6 +36,9 @@ class Slots:
         that declares less: made as soon as a vertex has moved.
     keeps_type
         Whether numbers are rounded to the type that is declared: of data, which can't get invalid.
+    columns
+        Whether the text is of fixed columns: a slot is then a column, blanks included, that a
+        number fills from the right, written as Fortran does.
     """
 
     starts: IndexArray
@@ -43,6 +46,7 @@ class Slots:
     dtype: np.dtype[np.generic] | None = None
     widen: tuple[Edit, ...] = ()
     keeps_type: bool = False
+    columns: bool = False
 
     def write(self, data: bytes, old: FloatArray, new: FloatArray) -> bytes:
         """The bytes of the file with the coordinates that changed, and nothing else, replaced."""
@@ -58,7 +62,11 @@ class Slots:
             moved[:] = True  # all of them change their size
         starts = self.starts[:, :n_coordinates][moved]
         ends = self.ends[:, :n_coordinates][moved]
-        if dtype is None:
+        if self.columns:
+            widths = (ends - starts).tolist()
+            values = zip(new[moved].tolist(), widths, strict=True)
+            tokens = [f"{x:.16E}".rjust(width).encode() for x, width in values]
+        elif dtype is None:
             tokens = [repr(x).encode() for x in new[moved].tolist()]
         else:
             raw, size = new[moved].astype(dtype).tobytes(), dtype.itemsize
@@ -67,12 +75,32 @@ class Slots:
         return replace(data, [*self.widen, *edits])
 
 
+@dataclass
+class Copies:
+    """Slots of a file that has the place of a vertex several times.
+
+    Parameters
+    ----------
+    slots
+        One for each copy.
+    vertices : (n_copies,)
+        Whose place each is.
+    """
+
+    slots: Slots
+    vertices: IndexArray
+
+    def write(self, data: bytes, old: FloatArray, new: FloatArray) -> bytes:
+        """The bytes of the file with the coordinates that changed, and nothing else, replaced."""
+        return self.slots.write(data, old[self.vertices], new[self.vertices])
+
+
 def joined(parts: Sequence[Slots]) -> Slots:
     """Slots of several stretches of vertices as one."""
     starts = np.concatenate([part.starts for part in parts])
     ends = np.concatenate([part.ends for part in parts])
     widen = tuple(edit for part in parts for edit in part.widen)
-    return Slots(starts, ends, parts[0].dtype, widen, parts[0].keeps_type)
+    return Slots(starts, ends, parts[0].dtype, widen, parts[0].keeps_type, parts[0].columns)
 
 
 def binary_slots(

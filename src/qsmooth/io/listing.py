@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from qsmooth.io import via_meshio
-from qsmooth.io.registry import own_formats, replaced
+from qsmooth.io.registry import FolderFormat, Format, folder_formats, own_formats, replaced
 
 # What formats hold, by the words of ``HOLDS``, in the order in which it is told.
 WORDS = {
@@ -34,7 +34,7 @@ class FormatRecord:
     name
         As ``format`` takes it.
     endings
-        In lower case, with their dots.
+        In lower case, with their dots; none of a format whose meshes are folders.
     title
         What it is, in a line; empty for those that come through meshio.
     reads, writes
@@ -65,11 +65,12 @@ class FormatRecord:
 
 def format_records() -> tuple[FormatRecord, ...]:
     """All formats: qsmooth's own by name, then those that come through meshio."""
-    own = sorted(own_formats(), key=lambda form: form.NAME)
+    own: list[Format | FolderFormat] = [*own_formats(), *folder_formats()]
+    own.sort(key=lambda form: form.NAME)
     found = [
         FormatRecord(
             name=form.NAME,
-            endings=form.ENDINGS,
+            endings=getattr(form, "ENDINGS", ()),
             title=_title(form.__doc__ or ""),
             reads=True,
             writes=bool(getattr(form, "WRITES", True)),

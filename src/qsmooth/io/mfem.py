@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from qsmooth._types import IndexArray
+from qsmooth._types import FloatArray, IndexArray
 from qsmooth.errors import MeshError
-from qsmooth.io.file_content import FACES, FileContent
+from qsmooth.io.file_content import FACES, Block, FileContent
+from qsmooth.io.in_place import InPlace
+from qsmooth.io.mfem_nodes import read_nodes
 from qsmooth.io.text import Cursor, blanked, finish, rows_of
 
 NAME = "mfem"
@@ -39,8 +41,12 @@ def read(data: bytes) -> FileContent:
     if first[:2] != [b"MFEM", b"mesh"] or first[2:3] not in ([b"v1.0"], [b"v1.2"], [b"v1.3"]):
         shown = b" ".join(first).decode("latin-1")
         cursor.fail(f"{shown[:60]!r}: only 'MFEM mesh' v1.0, v1.2 and v1.3 are read")
-    points = slots = None
-    blocks, tags, places = [], [], []
+    points: FloatArray | None = None
+    slots: InPlace | None = None
+    blocks: list[Block] = []
+    tags, places = [], []
+    n_vertices = n_elements = 0
+    notes: tuple[str, ...] = ()
     others = []
     while word := cursor.word():
         if word == b"dimension":
@@ -75,16 +81,21 @@ def read(data: bytes) -> FileContent:
                 tags.append(np.ascontiguousarray(table[:, 0]))
                 places.append(text.starts[rows[i:j]])
             cursor.pos = int(text.ends[rows[n] - 1])
+            if word == b"elements":
+                n_elements = len(blocks)
         elif word == b"vertices":
             n = cursor.count("vertices")
             if cursor.text.word(cursor.token) == b"nodes":
-                cursor.fail("a curved mesh (section nodes) is not read: its vertices have no place")
+                n_vertices = n
+                continue
             dimension = cursor.count("coordinates of a vertex")
             if dimension not in (2, 3):
                 cursor.fail(f"{dimension} coordinates of a vertex: must be 2 or 3")
             points, slots = cursor.points(n, dimension, range(dimension))
         elif word == b"nodes":
-            cursor.fail("a curved mesh (section nodes) is not read")
+            nodes = read_nodes(cursor, n_vertices, blocks[:n_elements], blocks[n_elements:])
+            points, slots, notes = nodes.points, nodes.slots, nodes.notes
+            blocks = nodes.blocks
         elif word in (b"attribute_sets", b"bdr_attribute_sets"):
             n = cursor.count(word.decode())
             for _ in range(n):
@@ -105,6 +116,7 @@ def read(data: bytes) -> FileContent:
         cell_data={"mfem:attribute": list(tags)},
         extras=tuple(f"section {name}" for name in others)
         + (("comments",) if b"#" in data else ()),
+        notes=notes,
         slots=slots,
         places=places,
     )

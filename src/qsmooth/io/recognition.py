@@ -12,13 +12,22 @@ from qsmooth._words import did_you_mean
 from qsmooth.errors import MeshError
 from qsmooth.io import via_meshio
 from qsmooth.io.file_content import FileContent
-from qsmooth.io.registry import Format, named, own_formats, replaced, with_ending
+from qsmooth.io.registry import (
+    Format,
+    folder_format,
+    folder_formats,
+    named,
+    own_formats,
+    replaced,
+    with_ending,
+)
 
 
 def formats() -> dict[str, tuple[str, ...]]:
     """Names of all formats, with their endings: qsmooth's own first, then meshio's."""
     own = sorted(own_formats(), key=lambda form: form.NAME)
-    return {form.NAME: form.ENDINGS for form in own} | via_meshio.formats(replaced())
+    of_folders: dict[str, tuple[str, ...]] = {form.NAME: () for form in folder_formats()}
+    return {form.NAME: form.ENDINGS for form in own} | of_folders | via_meshio.formats(replaced())
 
 
 def endings() -> list[str]:
@@ -83,7 +92,7 @@ def require_known(name: str) -> None:
     MeshError
         Naming those there are, and the nearest.
     """
-    if named(name) is None and name not in formats():
+    if not (named(name) or folder_format(name)) and name not in formats():
         raise MeshError(f"unknown format {name!r}{_near(name, formats())}")
 
 

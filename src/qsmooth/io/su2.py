@@ -10,7 +10,7 @@ import numpy as np
 from qsmooth._types import FloatArray, IndexArray
 from qsmooth.io.file_content import FACES, FileContent
 from qsmooth.io.in_place import joined
-from qsmooth.io.text import Text, blanked, finish, rows_of
+from qsmooth.io.text import Text, blanked, finish, rows_of, with_newlines
 
 NAME = "su2"
 ENDINGS = (".su2",)
@@ -42,15 +42,13 @@ OTHER = (
 
 def sniff(head: bytes) -> bool:
     """Whether a file that starts so is SU2."""
-    found = KEYWORD.search(blanked(head, rb"%[^\r\n]*"))
+    found = KEYWORD.search(with_newlines(blanked(head, rb"%[^\r\n]*")))
     return found is not None and found[1] in (*COUNTED, *KNOWN, *SENDING, *OTHER)
 
 
 def read(data: bytes) -> FileContent:
     """Read SU2; zones become regions, markers become line cells."""
-    clean = blanked(data, rb"%[^\r\n]*") if b"%" in data else data
-    if b"\n" not in clean:
-        clean = clean.replace(b"\r", b"\n")
+    clean = with_newlines(blanked(data, rb"%[^\r\n]*") if b"%" in data else data)
     # SEND_TO stands between a marker and its elements, and ends no section.
     found = list(KEYWORD.finditer(clean))
     keywords = [match for match in found if match[1] not in SENDING]
@@ -77,7 +75,7 @@ def read(data: bytes) -> FileContent:
             zone = _Zone()
             zones.append(zone)
         elif key == b"MARKER_TAG":
-            tag = value.decode("latin-1")
+            tag = value.strip().decode("latin-1")
         elif key in COUNTED:
             if not zones:
                 zones.append(zone)

@@ -17,6 +17,8 @@ from qsmooth.io.in_place import Slots, binary_slots
 
 # Fortran writes 1.0D-3; both letters mean the same.
 FORTRAN = bytes.maketrans(b"dD", b"ee")
+# Makes all blank but the ends of lines.
+TO_BLANKS = bytes(byte if byte in b"\r\n" else 32 for byte in range(256))
 # All integers below are exact as floating-point numbers.
 EXACT = 2.0**53
 # Bytes a number from which on numbers are picked out one by one: what they stand among may be the
@@ -27,6 +29,11 @@ SPARSE = 128
 def blanked(data: bytes, pattern: bytes) -> bytes:
     """Spaces in place of what matches, so that every other byte stays where it is."""
     return re.sub(pattern, lambda match: b" " * len(match[0]), data)
+
+
+def with_newlines(data: bytes) -> bytes:
+    """Newlines in place of carriage returns that stand alone, of which some files have both."""
+    return re.sub(rb"\r(?!\n)", b"\n", data) if b"\r" in data else data
 
 
 def line_of(data: bytes, offset: int) -> int:
@@ -359,9 +366,31 @@ def blocks_by_id(
     return [(kind, p.reshape(c.shape)) for (kind, c), p in zip(blocks, parts, strict=True)]
 
 
+def walked(lengths: IndexArray) -> tuple[IndexArray, int]:
+    """Where records begin that follow one another, and where the last one ends.
+
+    Parameters
+    ----------
+    lengths
+        Of each number how many the record would have that began there, below 256; 0 where none can.
+
+    Returns
+    -------
+    The first numbers, and one past the last record; a place within where none can begin.
+    """
+    steps = lengths.astype(np.uint8).tobytes()
+    firsts, place, end = [], 0, len(steps)
+    while place < end and steps[place]:
+        firsts.append(place)
+        place += steps[place]
+    return np.array(firsts, dtype=np.int64), place
+
+
 def rows_of(*columns: npt.NDArray[Any]) -> list[str]:
     """Lines of text with the columns of arrays side by side; floats with all their digits."""
     parts: list[Any] = []
+    if len(columns[0]) == 0:
+        return []
     for array in columns:
         table = array.reshape(len(array), -1)
         show = str if table.dtype.kind in "iub" else repr
