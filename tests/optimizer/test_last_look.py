@@ -16,7 +16,7 @@ def test_where_nothing_is_held_back_nothing_is_told():
 
 def test_where_what_is_held_lets_nothing_move_that_is_told():
     # Rings around a point, unevenly apart: every quad has the largest angle of all, and any vertex
-    # that moved by itself would make one larger.
+    # that moved by itself would make one larger. Whole rings cannot move either: one vertex stays.
     n, radii = 24, np.array([0.1, 0.2, 0.3, 0.9, 1.0])
     turn = 2.0 * np.pi * np.arange(n) / n
     circle = np.stack([np.cos(turn), np.sin(turn)], axis=1)
@@ -29,7 +29,8 @@ def test_where_what_is_held_lets_nothing_move_that_is_told():
         )
         for k in range(len(radii) - 1)
     ]
-    result = smooth((points, [fan, np.concatenate(quads)]), target="ideal")
+    stay = 1 + n * np.arange(len(radii))
+    result = smooth((points, [fan, np.concatenate(quads)]), target="ideal", fixed=stay)
     assert result.outcome.unchanged
     assert [held.figure for held in result.outcome.held] == ["max_angle"]
     assert "keeps" in result.reason
