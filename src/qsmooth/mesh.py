@@ -83,12 +83,17 @@ class Mesh:
         self._xy = coordinates(self._points, self._plane)
         self._topology.orient(self._xy)
         self._source: object = None
+        self._origin: object = None
 
     def __repr__(self) -> str:
         kinds = {3: "triangles", 4: "quads"}
         counts = {k: sum(len(b) for b in self._cells if b.shape[1] == k) for k in kinds}
         cells = ", ".join(f"{n} {kinds[k]}" for k, n in counts.items() if n)
         return f"Mesh({self.n_vertices} vertices, {cells})"
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Pickle all but the origin, which need not be a thing that can be."""
+        return {**self.__dict__, "_origin": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore a pickled mesh; arrays come back writable, which is another type for kernels."""
@@ -125,6 +130,11 @@ class Mesh:
     def source(self) -> object:
         """The content of the file that the mesh was read from, or None; for `qsmooth.io`."""
         return self._source
+
+    @property
+    def origin(self) -> object:
+        """What of another library the mesh was made of, or None; for `qsmooth.adapters`."""
+        return self._origin
 
     @property
     def surface(self) -> Surface:
@@ -299,6 +309,12 @@ class Mesh:
         mesh._topology = self._topology.with_lines(lines)
         return mesh
 
+    def with_origin(self, origin: object) -> Mesh:
+        """Remember what the mesh was made of; for `qsmooth.adapters`."""
+        mesh = self._copy()
+        mesh._origin = origin
+        return mesh
+
     def _copy(self) -> Mesh:
         mesh = object.__new__(Mesh)
         mesh.__dict__.update(self.__dict__)
@@ -321,10 +337,13 @@ def _as_blocks(vertices: IndexArray, blocks: Sequence[IndexArray]) -> list[Index
     ]
 
 
-def as_mesh(mesh: MeshLike) -> Mesh:
-    """Take a mesh, or a pair ``(points, cells)``, as a `Mesh`."""
+def plain_mesh(mesh: MeshLike) -> Mesh:
+    """Take a mesh, or a pair ``(points, cells)``, as a `Mesh`; `qsmooth.as_mesh` takes all else."""
     if isinstance(mesh, Mesh):
         return mesh
     if isinstance(mesh, tuple) and len(mesh) == 2:
         return Mesh(*mesh)
-    raise TypeError(f"expected a Mesh or a pair (points, cells), got {type(mesh).__name__}")
+    raise TypeError(
+        f"expected a Mesh or a pair (points, cells), got {type(mesh).__name__}; "
+        "as_mesh() takes meshes of other libraries"
+    )

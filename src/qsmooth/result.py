@@ -13,6 +13,7 @@ import numpy.typing as npt
 from qsmooth._json import finite
 from qsmooth._types import FloatArray
 from qsmooth._words import did_you_mean
+from qsmooth.adapters import back
 from qsmooth.mesh import Mesh
 from qsmooth.metrics import Quality, Summary
 from qsmooth.outcome import Outcome
@@ -113,6 +114,30 @@ class SmoothResult:
     def points(self) -> FloatArray:
         """New coordinates, in the shape of the input's."""
         return self.mesh.points
+
+    def back(self, obj: Any = None) -> Any:
+        """Give the mesh in the form that it came in, with all that it carried there.
+
+        Parameters
+        ----------
+        obj
+            What was smoothed, where the result can't know it: once it has been pickled.
+
+        Returns
+        -------
+        object
+            Of what `as_mesh` takes a copy of the same class, with the new coordinates, as float64,
+            and the point data that was interpolated; a gmsh model itself, changed in place; a pair
+            ``(points, cells)``. The mesh, where it came as a `Mesh` of arrays or from a file.
+
+        Raises
+        ------
+        ValueError
+            If it has other vertices by now, or is no longer there.
+        """
+        if obj is None:
+            obj = self.mesh if self.mesh.origin is None else self.mesh.origin
+        return back(self.mesh, obj)
 
     @property
     def method(self) -> str:

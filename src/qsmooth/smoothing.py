@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from qsmooth._words import did_you_mean
-from qsmooth.adapters import to_mesh
+from qsmooth.adapters import as_mesh
 from qsmooth.bars import Shown, watched
 from qsmooth.constraints import Constraints
 from qsmooth.methods.base import Method
@@ -29,7 +29,7 @@ def smooth(
     Parameters
     ----------
     mesh
-        A `Mesh`, a pair ``(points, cells)``, or a mesh of meshio. It is not changed.
+        A `Mesh`, a pair ``(points, cells)``, or what `as_mesh` takes. It is not changed.
     method
         A name, as in ``smooth(mesh, "star", step=0.3)``, or a method with its options, as in
         ``smooth(mesh, Star(step=0.3))``, which is the same: ``"optimize"``, ``"star"``,
@@ -65,7 +65,7 @@ def smooth(
     """
     method, chosen = method_of(method, options, constraints)
     with watched(method, progress) as shown:
-        return shown.smooth(to_mesh(mesh), chosen)
+        return shown.smooth(as_mesh(mesh), chosen)
 
 
 def untangle(
@@ -80,7 +80,7 @@ def untangle(
     Parameters
     ----------
     mesh
-        A `Mesh`, a pair ``(points, cells)``, or a mesh of meshio. It is not changed.
+        A `Mesh`, a pair ``(points, cells)``, or what `as_mesh` takes. It is not changed.
     constraints, progress, options
         As in `smooth`. Options are ``max_sweeps`` (20,000), ``time_limit``, ``threads``,
         ``callback``, and the fields of `Constraints`.
@@ -101,7 +101,7 @@ def untangle(
     """
     given = _with_constraints(options, constraints)
     with watched(all_methods()["untangle"].of(given), progress) as shown:
-        return shown.smooth(to_mesh(mesh))
+        return shown.smooth(as_mesh(mesh))
 
 
 def compare(
@@ -116,7 +116,7 @@ def compare(
     Parameters
     ----------
     mesh
-        A `Mesh`, a pair ``(points, cells)``, or a mesh of meshio.
+        A `Mesh`, a pair ``(points, cells)``, or what `as_mesh` takes.
     names
         Methods, by name or with their options; all by default.
     constraints
@@ -137,7 +137,7 @@ def compare(
     ValueError, TypeError, MeshError
         As in `smooth`; an option that none of the methods has is a TypeError.
     """
-    mesh = to_mesh(mesh)
+    mesh = as_mesh(mesh)
     options = _with_constraints(options, constraints)
     chosen = numbered(configured(methods() if names is None else names, options))
     skipped = {name: spelled(why) for name, m in chosen.items() if (why := m.why_not(mesh))}

@@ -56,7 +56,7 @@ def from_meshio(mesh: meshio.Mesh, *, surface: Surface = "auto") -> Mesh:
     MeshError
         If it is no mesh that can be smoothed.
     """
-    return content_of(mesh).to_mesh(surface)
+    return content_of(mesh).to_mesh(surface).with_origin(mesh)
 
 
 def to_meshio(mesh: Mesh) -> meshio.Mesh:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from qsmooth._types import BoolArray, FloatArray
-from qsmooth.adapters import to_mesh
+from qsmooth.adapters import as_mesh
 from qsmooth.metrics.quality import Quality, quality
 from qsmooth.topology import Topology
 
@@ -80,7 +80,7 @@ def limits(
     Parameters
     ----------
     mesh
-        A `Mesh`, a pair ``(points, cells)``, or a mesh of meshio.
+        A `Mesh`, a pair ``(points, cells)``, or what `as_mesh` takes.
     keep_interfaces
         Whether vertices on the line between two regions, or on line cells of the file, stay.
     movable : (n_vertices,) bool
@@ -97,7 +97,7 @@ def limits(
     ValueError
         If `movable` is no such mask.
     """
-    mesh = to_mesh(mesh)
+    mesh = as_mesh(mesh)
     topology = mesh.topology
     kept = [*kept_by(topology, keep_interfaces)]
     if movable is None:

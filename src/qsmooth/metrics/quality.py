@@ -11,7 +11,7 @@ from weakref import WeakValueDictionary
 import numpy as np
 
 from qsmooth._types import FloatArray, IndexArray
-from qsmooth.adapters import to_mesh
+from qsmooth.adapters import as_mesh
 from qsmooth.checks import read_only
 from qsmooth.metrics.histogram import count_by_bins
 from qsmooth.metrics.registry import METRICS, find_metric, parse_metrics, unknown
@@ -293,7 +293,7 @@ def quality(mesh: Any) -> Quality:
     Parameters
     ----------
     mesh
-        A `Mesh`, a pair ``(points, cells)``, or a mesh of meshio.
+        A `Mesh`, a pair ``(points, cells)``, or what `as_mesh` takes.
 
     Returns
     -------
@@ -308,7 +308,7 @@ def quality(mesh: Any) -> Quality:
     MeshError
         If a pair is no mesh.
     """
-    mesh = to_mesh(mesh)
+    mesh = as_mesh(mesh)
     key = id(mesh.topology), id(mesh.points)
     found = _measured.get(key)
     if found is None:
