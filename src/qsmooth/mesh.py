@@ -18,7 +18,9 @@ from qsmooth.checks import (
     read_only,
 )
 from qsmooth.errors import MeshError
+from qsmooth.notebook import page, thumbnail
 from qsmooth.plane import Plane, coordinates, find_plane, is_level
+from qsmooth.table import Row, Section, Table
 from qsmooth.topology import Topology
 
 Surface: TypeAlias = Literal["auto", "flat"]
@@ -90,6 +92,15 @@ class Mesh:
         counts = {k: sum(len(b) for b in self._cells if b.shape[1] == k) for k in kinds}
         cells = ", ".join(f"{n} {kinds[k]}" for k, n in counts.items() if n)
         return f"Mesh({self.n_vertices} vertices, {cells})"
+
+    def _repr_html_(self) -> str:
+        """Show a table and a picture in a notebook."""
+        spans = " × ".join(f"{span:.4g}" for span in np.ptp(self._points, axis=0))
+        rows = [Row("Extent", (spans,)), Row("Boundary vertices", (str(self.is_boundary.sum()),))]
+        if self.regions is not None:
+            rows.append(Row("Regions", (str(len(np.unique(self.regions))),)))
+        picture = thumbnail(self._xy, self._topology.cells, self._topology.twins, None)
+        return page(repr(self), Table(("",), (Section("", tuple(rows)),)), [picture])
 
     def __getstate__(self) -> dict[str, Any]:
         """Pickle all but the origin, which need not be a thing that can be."""

@@ -10,13 +10,17 @@ from typing import Any, SupportsIndex, overload
 import numpy as np
 import numpy.typing as npt
 
+from qsmooth._frames import data_frame
 from qsmooth._json import finite
 from qsmooth._types import FloatArray
-from qsmooth._words import did_you_mean
+from qsmooth._words import did_you_mean, plural
 from qsmooth.adapters import back
 from qsmooth.mesh import Mesh
 from qsmooth.metrics import Quality, Summary
+from qsmooth.metrics.summary import figure_sections, size_text
+from qsmooth.notebook import page
 from qsmooth.outcome import Outcome
+from qsmooth.table import Table, time_text
 from qsmooth.wording import reason
 
 
@@ -57,6 +61,23 @@ class History(tuple[SweepRecord, ...]):
     def __new__(cls, records: Iterable[SweepRecord] = ()) -> History:
         """Keep the records."""
         return super().__new__(cls, tuple(records))
+
+    def __repr__(self) -> str:
+        if not self:
+            return "History()"
+        low, high = (f"{self[k].min_angle:.1f}° to {self[k].max_angle:.1f}°" for k in (0, -1))
+        return f"History({plural(len(self), 'record')}: {low} in the first, {high} in the last)"
+
+    def to_dataframe(self) -> Any:
+        """Give a ``pandas.DataFrame`` with a row a record.
+
+        Raises
+        ------
+        ImportError
+            Where there is no pandas.
+        """
+        columns = {f.name: self[f.name] for f in fields(SweepRecord)}
+        return data_frame(columns, np.arange(len(self)), "record")
 
     @overload
     def __getitem__(self, key: str) -> npt.NDArray[Any]: ...
@@ -99,6 +120,25 @@ class SmoothResult:
     quality_before: Quality = field(repr=False)
     quality_after: Quality = field(repr=False)
     seconds: float
+
+    def __repr__(self) -> str:
+        figures = (
+            f"{low:.1f}° to {high:.1f}°, {q.n_invalid} not valid"
+            for q in (self.quality_before, self.quality_after)
+            for low, high in (q.extreme_angles,)
+        )
+        return (
+            f"SmoothResult({self.method}: {' → '.join(figures)}; "
+            f"{plural(self.sweeps, 'sweep')}, {time_text(self.seconds)})"
+        )
+
+    def _repr_html_(self) -> str:
+        """Show a table and pictures, before and after, in a notebook."""
+        sections = figure_sections([self.before, self.after], mark=False)
+        table = Table(("Before", "After"), tuple(sections), self.reason)
+        pictures = [self.quality_before.picture(), self.quality_after.picture()]
+        done = f"{self.method}, {plural(self.sweeps, 'sweep')}, {time_text(self.seconds)}"
+        return page(f"{size_text(self.after)}: {done}", table, pictures)
 
     @cached_property
     def before(self) -> Summary:

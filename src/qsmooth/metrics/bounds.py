@@ -12,6 +12,8 @@ import numpy.typing as npt
 from qsmooth._types import BoolArray, FloatArray
 from qsmooth.adapters import as_mesh
 from qsmooth.metrics.quality import Quality, quality
+from qsmooth.notebook import page
+from qsmooth.table import Row, Section, Table
 from qsmooth.topology import Topology
 
 if TYPE_CHECKING:
@@ -58,6 +60,27 @@ class Limits:
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers, fit for JSON."""
         return asdict(self)
+
+    def __repr__(self) -> str:
+        return (
+            f"Limits(smallest angle {self.reached_min_angle:.2f}° of at most "
+            f"{self.min_angle:.2f}°, largest {self.reached_max_angle:.2f}° of at least "
+            f"{self.max_angle:.2f}°)"
+        )
+
+    def _repr_html_(self) -> str:
+        """Show a table in a notebook."""
+        rows = tuple(
+            Row(f"{which} angle", (f"{now:.2f}°", f"{best:.2f}°", where.lstrip(",; ")))
+            for which, now, best, where in (
+                ("Smallest", self.reached_min_angle, self.min_angle,
+                 _set_at(self.min_angle_vertex, self.min_angle_set_by)),
+                ("Largest", self.reached_max_angle, self.max_angle,
+                 _set_at(self.max_angle_vertex, self.max_angle_set_by)),
+            )
+        )  # fmt: skip
+        columns = "Now", "Best of any placement", "Limited by"
+        return page("Limits of the angles", Table(columns, (Section("", rows),)))
 
     def __str__(self) -> str:
         return "\n".join(
