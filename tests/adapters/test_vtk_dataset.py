@@ -38,7 +38,7 @@ def poly():
 
 @pytest.fixture
 def grid():
-    mesh = pyvista.UnstructuredGrid({9: QUADS[:8], 5: TRIANGLES}, SPACE)
+    mesh = pyvista.UnstructuredGrid({9: QUADS[:8], 5: TRIANGLES}, SPACE.copy())
     mesh["bed"] = BED
     mesh.cell_data["tag"] = np.arange(mesh.n_cells) + 0.5
     return mesh

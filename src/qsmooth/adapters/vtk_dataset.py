@@ -11,7 +11,7 @@ import numpy.typing as npt
 from qsmooth._types import IndexArray
 from qsmooth.checks import require_vertices
 from qsmooth.errors import MeshError
-from qsmooth.io.file_content import FileContent, region_tags
+from qsmooth.io.file_content import FACES, FileContent, region_tags
 from qsmooth.io.vtk import blocks_of, structured
 from qsmooth.mesh import Mesh, Surface
 
@@ -76,6 +76,14 @@ def back(mesh: Mesh, obj: vtkPointSet) -> vtkPointSet:
             _numpy(array)[...] = mesh.source.point_data[name]
             array.Modified()
     return new
+
+
+def face_cells(obj: vtkPointSet) -> IndexArray:
+    """Which cell of the dataset each cell of its mesh is, (n_cells,)."""
+    blocks, sources = blocks_of(*_cells(obj))
+    return np.concatenate(
+        [s for (kind, _), s in zip(blocks, sources, strict=True) if kind in FACES]
+    )
 
 
 def _copy(obj: Any) -> Any:
