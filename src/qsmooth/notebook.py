@@ -54,9 +54,9 @@ def thumbnail(
     """
     offsets, vertices = cells
     places, width, height = _on_paper(xy, vertices)
-    known = np.isfinite(xy).all(axis=1)
+    known: BoolArray = np.isfinite(xy).all(axis=1)
     # A cell is known where all its corners are.
-    whole = np.logical_and.reduceat(known[vertices], offsets[:-1])
+    whole: BoolArray = np.logical_and.reduceat(known[vertices], offsets[:-1])
     drawn = _sample(whole, worth)
     line = 'stroke="#555" stroke-width="1" stroke-linejoin="round"'
     paths = []

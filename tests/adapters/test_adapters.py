@@ -1,13 +1,15 @@
 """What finds the adapter of an object, and what it costs."""
 
+import pickle
 import subprocess
 import sys
 
+import meshio
 import numpy as np
 import pytest
 
 import qsmooth.adapters
-from qsmooth import Mesh
+from qsmooth import Mesh, from_meshio, smooth, write_mesh
 from qsmooth.adapters import adapters, as_mesh, back
 
 LIBRARIES = {
@@ -92,3 +94,30 @@ def test_no_library_is_imported_to_know_its_objects():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
+
+
+def test_a_result_goes_back_to_what_came_in():
+    points, cells = smooth(PAIR, "laplacian", max_sweeps=1).back()
+    assert points.tolist() == [list(place) for place in PAIR[0]]
+    assert cells is PAIR[1]
+    mesh = Mesh(*PAIR)
+    assert smooth(mesh, "laplacian", max_sweeps=1).back() is mesh
+    given = meshio.Mesh(np.array(PAIR[0]), [("quad", np.array(PAIR[1]))])
+    for taken in (given, from_meshio(given), as_mesh(given)):
+        new = smooth(taken, "laplacian", max_sweeps=1).back()
+        assert type(new) is meshio.Mesh
+        assert new is not given
+
+
+def test_a_pickled_result_is_told_what_it_was():
+    given = meshio.Mesh(np.array(PAIR[0]), [("quad", np.array(PAIR[1]))])
+    result = pickle.loads(pickle.dumps(smooth(given, "laplacian", max_sweeps=1)))
+    assert result.back() is result.mesh
+    assert type(result.back(given)) is meshio.Mesh
+
+
+def test_writing_says_how_an_object_becomes_a_mesh(tmp_path):
+    given = meshio.Mesh(np.array(PAIR[0]), [("quad", np.array(PAIR[1]))])
+    with pytest.raises(TypeError, match=r"as_mesh\(\) takes meshes of other libraries"):
+        write_mesh(tmp_path / "out.vtu", given)
+    write_mesh(tmp_path / "out.vtu", as_mesh(given))

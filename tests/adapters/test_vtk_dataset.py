@@ -9,7 +9,7 @@ import vtk
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from object_samples import BED, POINTS, QUADS, TRIANGLES, all_ways_in, smoothed
-from qsmooth import MeshError, Smoother, as_mesh, smooth
+from qsmooth import MeshError, Smoother, as_mesh, smooth, write_mesh
 from qsmooth.adapters import back, vtk_dataset
 
 SPACE = np.column_stack([POINTS, np.zeros(len(POINTS))])
@@ -151,3 +151,15 @@ def test_back_of_another_mesh_is_refused(grid, poly):
     with pytest.raises(ValueError, match="4 vertices for a mesh that has 20"):
         back(as_mesh((POINTS[[0, 1, 6, 5]], [(0, 1, 2, 3)])), grid)
     assert not vtk_dataset.accepts(vtk.vtkImageData())
+
+
+def test_it_can_be_written_to_a_file(poly, tmp_path):
+    write_mesh(tmp_path / "out.vtu", smooth(poly, "star", max_sweeps=1).mesh)
+    again = pyvista.read(tmp_path / "out.vtu")
+    assert again["bed"].tolist() == BED.tolist()
+    assert again["material"].tolist().count(1) == poly["material"].tolist().count(1)
+
+
+def test_quads_cut_in_two_come_back_whole(grid):
+    new = smooth(grid, "aspect-ratio", split_quads="shorter", max_sweeps=2).back()
+    assert same_but_for_points(new, grid)

@@ -50,7 +50,7 @@ def to_mesh(obj: Any, *, surface: Surface = "auto") -> Mesh:
     order = np.argsort(tags)
     tags = np.asarray(tags, np.int64)[order]
     groups = {
-        (dim, int(entity)): tag
+        (dim, abs(int(entity))): tag
         for dim, tag in reversed(model.getPhysicalGroups())
         for entity in model.getEntitiesForPhysicalGroup(dim, tag)
     }
