@@ -2,6 +2,7 @@
 
 import importlib
 import re
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +37,15 @@ def test_every_adapter_has_a_section():
     assert [a.NAME for a in adapters() if not any(h in a.NAME for h in BLOCKS)] == []
 
 
+@pytest.fixture
+def _interrupts():
+    """Interrupts as they were: gmsh takes them over."""
+    before = signal.getsignal(signal.SIGINT)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("_interrupts")
 @pytest.mark.parametrize("title", BLOCKS)
 def test_block(title):
     for name in NEEDS[title]:

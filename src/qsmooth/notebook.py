@@ -10,8 +10,8 @@ import numpy as np
 from qsmooth._types import BoolArray, FloatArray, IndexArray
 from qsmooth.table import Table
 
-# At most so many cells, and edges of the boundary, are drawn: every so-manieth of more.
-MOST_CELLS, MOST_EDGES = 1500, 2000
+# At most so many cells, and edges of the boundary, are drawn: a sample of more.
+MOST_CELLS, MOST_EDGES = 900, 1200
 # The longer side, in the unit of the drawing, to which all places are rounded; and in pixels.
 UNITS, PIXELS = 600, 240
 # Cells with a figure from 0 to 1 below these have these colours, the others the last one.
@@ -54,22 +54,27 @@ def thumbnail(
     """
     offsets, vertices = cells
     places, width, height = _on_paper(xy, vertices)
-    known: BoolArray = np.isfinite(xy).all(axis=1)
+    known = np.isfinite(xy[:, 0]) & np.isfinite(xy[:, 1])
     # A cell is known where all its corners are.
     whole: BoolArray = np.logical_and.reduceat(known[vertices], offsets[:-1])
-    drawn = _sample(whole, worth)
-    line = 'stroke="#555" stroke-width="1" stroke-linejoin="round"'
-    paths = []
+    drawn, n_worst = _sample(whole, worth)
+    # Each of a sample stands for its surroundings, which it covers; the worst are drawn on it.
+    grow = max(1.0, np.count_nonzero(whole) / max(1, len(drawn))) ** 0.5
+    line = ' stroke="#555" stroke-linejoin="round"' if grow == 1.0 else ""
     classes = np.zeros(len(drawn), np.int64)
     colours: Sequence[str] = (PLAIN,)
     if worth is not None:
         classes, colours = np.searchsorted(CLASSES, worth[drawn], side="right"), COLOURS
-    for k in reversed(range(len(colours))):  # the worst on top
-        outlines = [
-            _outline(places[vertices[offsets[c] : offsets[c + 1]]]) for c in drawn[classes == k]
-        ]
-        if outlines:
-            paths.append(f'<path d="{"".join(outlines)}" fill="{colours[k]}" {line}/>')
+    paths = []
+    for layer in (slice(n_worst, None), slice(n_worst)):
+        growth = grow if layer.start is not None else max(1.0, 0.5 * grow)
+        for k in reversed(range(len(colours))):  # the worst on top
+            outlines = [
+                _outline(places[vertices[offsets[c] : offsets[c + 1]]], growth)
+                for c in drawn[layer][classes[layer] == k]
+            ]
+            if outlines:
+                paths.append(f'<path d="{"".join(outlines)}" fill="{colours[k]}"{line}/>')
     edges = _boundary(places, offsets, vertices, (twins < 0) & np.repeat(whole, np.diff(offsets)))
     paths.append(f'<path d="{edges}" fill="none" stroke="#000" stroke-width="2"/>')
     scale = PIXELS / UNITS
@@ -80,50 +85,55 @@ def thumbnail(
     )
 
 
-def _on_paper(xy: FloatArray, vertices: IndexArray) -> tuple[IndexArray, int, int]:
-    """Whole numbers from 0 to `UNITS`, y downwards, (n_vertices, 2); width and height."""
+def _on_paper(xy: FloatArray, vertices: IndexArray) -> tuple[FloatArray, int, int]:
+    """Coordinates from 0 to `UNITS`, y downwards, (n_vertices, 2); width and height."""
     used = xy[vertices]
     used = used[np.isfinite(used).all(axis=1)]
-    low = used.min(axis=0, initial=np.inf) if len(used) else np.zeros(2)
+    low = used.min(axis=0) if len(used) else np.zeros(2)
     span = np.ptp(used, axis=0) if len(used) else np.ones(2)
     scale = UNITS / (float(span.max()) or 1.0)
     width, height = (max(1, round(side * scale)) for side in span.tolist())
-    places = np.nan_to_num((xy - low) * scale, nan=0.0, posinf=0.0, neginf=0.0)
-    # Orphans may lie far outside; they are in no cell.
-    whole = np.rint(np.clip(places, 0.0, UNITS)).astype(np.int64)
-    whole[:, 1] = height - whole[:, 1]
-    return whole, width, height
+    # What is not finite, and orphans far outside, are in no cell that is drawn.
+    places = np.clip(np.nan_to_num((xy - low) * scale), 0.0, UNITS)
+    places[:, 1] = height - places[:, 1]
+    return places, width, height
 
 
-def _sample(whole: BoolArray, worth: FloatArray | None) -> IndexArray:
-    """Cells to draw: all, or the worst and as many as there is room for from here and there."""
+def _sample(whole: BoolArray, worth: FloatArray | None) -> tuple[IndexArray, int]:
+    """Cells to draw: all, or so many of the worst, the count of which is given, and others."""
     found = np.flatnonzero(whole)
     if len(found) <= MOST_CELLS:
-        return found
+        return found, 0
     n_worst = 0 if worth is None else MOST_CELLS // 3
-    spread = found[np.linspace(0, len(found) - 1, MOST_CELLS - n_worst).astype(np.int64)]
+    # At random, as every so-manieth of a grid is a pattern of its own; always the same ones.
+    spread = np.random.default_rng(0).choice(found, MOST_CELLS - n_worst, replace=False)
     if worth is None:
-        return spread
-    return np.union1d(found[np.argpartition(worth[found], n_worst)[:n_worst]], spread)
+        return spread, 0
+    worst = found[np.argpartition(worth[found], n_worst)[:n_worst]]
+    return np.concatenate([worst, spread]), n_worst
 
 
-def _outline(corners: IndexArray) -> str:
-    """A closed path, its steps relative, which is shorter."""
-    (x, y), steps = corners[0].tolist(), np.diff(corners, axis=0).tolist()
+def _outline(corners: FloatArray, growth: float) -> str:
+    """A closed path, its steps relative, which is shorter; grown from its middle."""
+    middle = corners.mean(axis=0)
+    dots = np.rint(middle + growth * (corners - middle)).astype(np.int64)
+    (x, y), steps = dots[0].tolist(), np.diff(dots, axis=0).tolist()
     return f"M{x} {y}l{' '.join(f'{dx} {dy}' for dx, dy in steps)}z"
 
 
 def _boundary(
-    places: IndexArray, offsets: IndexArray, vertices: IndexArray, outside: BoolArray
+    places: FloatArray, offsets: IndexArray, vertices: IndexArray, outside: BoolArray
 ) -> str:
     """Paths along the boundary; edges that are no longer than a dot are joined by the dot."""
     after = np.arange(1, len(vertices) + 1)
     after[offsets[1:] - 1] = offsets[:-1]
-    ends = np.concatenate([places[vertices[outside]], places[vertices[after[outside]]]], axis=1)
-    ends = np.unique(ends[(ends[:, :2] != ends[:, 2:]).any(axis=1)], axis=0)
+    dots = np.rint(places).astype(np.int64)
+    ends = np.concatenate([dots[vertices[outside]], dots[vertices[after[outside]]]], axis=1)
+    ends[:, 2:] -= ends[:, :2]
+    ends = np.unique(ends[ends[:, 2:].any(axis=1)], axis=0)
     if len(ends) > MOST_EDGES:
         ends = ends[np.linspace(0, len(ends) - 1, MOST_EDGES).astype(np.int64)]
-    return "".join(f"M{ax} {ay}L{bx} {by}" for ax, ay, bx, by in ends.tolist())
+    return "".join(f"M{x} {y}l{dx} {dy}" for x, y, dx, dy in ends.tolist())
 
 
 def _table(table: Table) -> str:

@@ -32,6 +32,7 @@ def given(request):
     mesh = kind(POINTS.T.copy(), cells.T.copy()).with_boundaries(
         {"inlet": lambda x: x[0] == 0.0, "bottom": lambda x: x[1] == 0.0}
     )
+    mesh = mesh.with_boundaries({"loop": mesh.facets_around(np.array([0]))})
     return mesh.with_subdomains({"east": lambda x: x[0] > 2.0, "all": lambda x: x[0] > -1.0})
 
 
@@ -42,6 +43,8 @@ def test_it_comes_back_with_boundaries_and_subdomains(given):
     assert np.array_equal(new.p.T, points)
     assert np.array_equal(given.p, before)
     assert not np.shares_memory(new.boundaries["inlet"], given.boundaries["inlet"])
+    assert type(new.boundaries["loop"]) is type(given.boundaries["loop"]) is not np.ndarray
+    assert new.boundaries["loop"].ori.tolist() == given.boundaries["loop"].ori.tolist()
     all_ways_in(given, same_but_for_points)
 
 
