@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from typing import Any, SupportsIndex, overload
 
@@ -116,9 +116,9 @@ class SmoothResult:
 
     mesh: Mesh
     outcome: Outcome
-    history: History = field(repr=False)
-    quality_before: Quality = field(repr=False)
-    quality_after: Quality = field(repr=False)
+    history: History
+    quality_before: Quality
+    quality_after: Quality
     seconds: float
 
     def __repr__(self) -> str:

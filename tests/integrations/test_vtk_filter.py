@@ -167,45 +167,62 @@ class Decorators:
         return decorate
 
 
-def test_paraview_is_told_of_every_option(monkeypatch):
+@pytest.fixture(scope="module")
+def plugin():
+    """The file as ParaView loads it: by itself, under a name of its own; and what it was told."""
     package, util = types.ModuleType("paraview"), types.ModuleType("paraview.util")
     algorithm = types.ModuleType("paraview.util.vtkAlgorithm")
     for name in ("smproxy", "smproperty", "smdomain"):
         setattr(algorithm, name, Decorators())
-    for module in (package, util, algorithm):
-        monkeypatch.setitem(sys.modules, module.__name__, module)
-    # As it loads a plugin: the file by itself, under a name of its own.
-    spec = importlib.util.spec_from_file_location("qsmooth_plugin", vtk_filter.__file__)
-    plugin = importlib.util.module_from_spec(spec)
-    monkeypatch.setitem(sys.modules, "qsmooth_plugin", plugin)
-    spec.loader.exec_module(plugin)
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (package, util, algorithm):
+            patch.setitem(sys.modules, module.__name__, module)
+        spec = importlib.util.spec_from_file_location("qsmooth_plugin", vtk_filter.__file__)
+        loaded = importlib.util.module_from_spec(spec)
+        patch.setitem(sys.modules, "qsmooth_plugin", loaded)
+        spec.loader.exec_module(loaded)
+        yield loaded, algorithm
+
+
+def properties(plugin, method):
+    """The description of each option of a method's filter, by its name there."""
+    loaded, algorithm = plugin
+    own = vars(loaded.FILTERS[method])
+    calls = [call for call in algorithm.smproperty.calls if call[0] == "xml"]
+    nodes = [(call[1], ElementTree.fromstring(call[2])) for call in calls]
+    assert all(node.get("command") == setter.__name__ for setter, node in nodes)
+    return {n.get("name"): n for setter, n in nodes if own.get(setter.__name__) is setter}
+
+
+def test_paraview_is_told_of_every_method(plugin):
+    algorithm = plugin[1]
     labels = {thing.method.name: given["label"] for _, thing, given in algorithm.smproxy.calls}
     assert labels == {n: f"qsmooth: {m.title}" for n, m in all_methods().items()}
-    texts = [(thing, text) for name, thing, text, _ in
-             (call for call in algorithm.smproperty.calls if call[0] == "xml")]  # fmt: skip
-    assert {name for name, *_ in algorithm.smproperty.calls} == {"xml", "input"}
-    star = plugin.FILTERS["star"]
-    found = {}
-    for setter, text in texts:
-        node = ElementTree.fromstring(text)
-        assert node.get("command") == setter.__name__
-        if vars(star).get(setter.__name__) is setter:
-            found[node.get("name")] = node
-    assert set(found) == {
-        "Surface", *("".join(w.capitalize() for w in name.split("_"))
-        for name, option in all_methods()["star"].specs().items() if option.flag is not None)
-    }  # fmt: skip
+    inputs = [thing for name, thing, *_ in algorithm.smproperty.calls if name == "input"]
+    assert inputs == list(plugin[0].FILTERS.values())
+    assert {tuple(given["dataTypes"]) for *_, given in algorithm.smdomain.calls} == {
+        ("vtkPolyData", "vtkUnstructuredGrid", "vtkStructuredGrid")
+    }
+
+
+def test_paraview_is_told_of_options_as_they_are(plugin):
+    found = properties(plugin, "star")
     assert found["Step"].tag == "DoubleVectorProperty"
     assert found["MaxSweeps"].get("default_values") == "50"
+    assert "Sweeps at most" in found["MaxSweeps"].findtext("Documentation")
     assert found["KeepInterfaces"].find("BooleanDomain") is not None
     assert [s.get("value") for s in found["Guard"].iter("String")] == ["quality", "clearance"]
     assert found["TimeLimit"].tag == "StringVectorProperty"
     assert found["TimeLimit"].get("default_values") == ""
-    assert "Sweeps at most" in found["MaxSweeps"].findtext("Documentation")
-    # What ParaView sets at first, its defaults, is what the method has by itself.
-    one = star()
+
+
+@pytest.mark.parametrize("name", all_methods())
+def test_what_paraview_sets_at_first_are_the_defaults(plugin, name):
+    method, one = all_methods()[name], plugin[0].FILTERS[name]()
+    found = properties(plugin, name)
+    options = {n.title().replace("_", "") for n, s in method.specs().items() if s.flag is not None}
+    assert set(found) == {"Surface", *options}
     for node in found.values():
-        value = node.get("default_values")
         kind = {"DoubleVectorProperty": float, "IntVectorProperty": int}.get(node.tag, str)
-        getattr(one, node.get("command"))(kind(value))
-    assert one.method.of(one._options[one.method]) == all_methods()["star"]()
+        getattr(one, node.get("command"))(kind(node.get("default_values")))
+    assert one.method.of(one._options[one.method]) == method()

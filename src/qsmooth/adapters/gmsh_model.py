@@ -35,7 +35,7 @@ def accepts(obj: object) -> bool:
     """Whether this is the library, its ``model``, or what was once made of that."""
     library = sys.modules.get("gmsh")
     return isinstance(obj, Model) or (
-        library is not None and (obj is library or obj is library.model)
+        library is not None and (obj is library or obj is getattr(library, "model", library))
     )
 
 

@@ -19,8 +19,7 @@ NAME = "a Triangulation of matplotlib"
 
 def accepts(obj: object) -> bool:
     """Whether this is a triangulation."""
-    library = sys.modules.get("matplotlib.tri")
-    return library is not None and isinstance(obj, library.Triangulation)
+    return isinstance(obj, getattr(sys.modules.get("matplotlib.tri"), "Triangulation", ()))
 
 
 def to_mesh(obj: Triangulation, *, surface: Surface = "auto") -> Mesh:

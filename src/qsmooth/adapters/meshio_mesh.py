@@ -20,8 +20,7 @@ NAME = "a meshio.Mesh"
 
 def accepts(obj: object) -> bool:
     """Whether this is a mesh of meshio."""
-    library = sys.modules.get("meshio")
-    return library is not None and isinstance(obj, library.Mesh)
+    return isinstance(obj, getattr(sys.modules.get("meshio"), "Mesh", ()))
 
 
 def to_mesh(obj: meshio.Mesh, *, surface: Surface = "auto") -> Mesh:

@@ -23,8 +23,7 @@ NAME = "a Mesh2d of MeshKernel"
 
 def accepts(obj: object) -> bool:
     """Whether this is a mesh in two dimensions."""
-    library = sys.modules.get("meshkernel")
-    return library is not None and isinstance(obj, library.Mesh2d)
+    return isinstance(obj, getattr(sys.modules.get("meshkernel"), "Mesh2d", ()))
 
 
 def to_mesh(obj: Mesh2d, *, surface: Surface = "auto") -> Mesh:

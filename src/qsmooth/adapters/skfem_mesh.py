@@ -23,8 +23,7 @@ KINDS = {"MeshTri1": "triangle", "MeshQuad1": "quad"}
 
 def accepts(obj: object) -> bool:
     """Whether this is a mesh of scikit-fem, of whatever kind."""
-    library = sys.modules.get("skfem.mesh")
-    return library is not None and isinstance(obj, library.Mesh)
+    return isinstance(obj, getattr(sys.modules.get("skfem.mesh"), "Mesh", ()))
 
 
 def to_mesh(obj: skfem.Mesh, *, surface: Surface = "auto") -> Mesh:

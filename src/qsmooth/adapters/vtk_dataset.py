@@ -31,7 +31,7 @@ Cells = tuple[IndexArray, IndexArray, IndexArray]
 def accepts(obj: object) -> bool:
     """Whether this is a dataset of cells on points."""
     library = sys.modules.get("vtkmodules.vtkCommonDataModel")
-    return library is not None and isinstance(obj, tuple(getattr(library, c) for c in CLASSES))
+    return isinstance(obj, tuple(getattr(library, name, ()) for name in CLASSES))
 
 
 def to_mesh(obj: vtkPointSet, *, surface: Surface = "auto") -> Mesh:

@@ -23,8 +23,7 @@ FILL = -1  # in the faces, whatever the grid's own fill value is
 
 def accepts(obj: object) -> bool:
     """Whether this is a grid in two dimensions."""
-    library = sys.modules.get("xugrid")
-    return library is not None and isinstance(obj, library.Ugrid2d)
+    return isinstance(obj, getattr(sys.modules.get("xugrid"), "Ugrid2d", ()))
 
 
 def to_mesh(obj: xugrid.Ugrid2d, *, surface: Surface = "auto") -> Mesh:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from qsmooth._frames import data_frame
@@ -49,7 +49,7 @@ class Summary:
     worst: dict[str, float]
     mean: dict[str, float]
     validity: dict[str, int]
-    histograms: dict[str, Histogram] = field(repr=False)
+    histograms: dict[str, Histogram]
 
     @property
     def n_cells(self) -> int:
