@@ -1,5 +1,6 @@
 # The public names and where they live: the one list of them. `__init__.py` loads each when it is
 # first used.
+from .adapters import as_mesh as as_mesh
 from .adapters.meshio_mesh import from_meshio as from_meshio
 from .adapters.meshio_mesh import to_meshio as to_meshio
 from .constraints import Constraints as Constraints

@@ -18,6 +18,12 @@ LARGEST_COORDINATE = 1e75
 SMALLEST_DIAMETER = 1e-75
 
 
+def require_vertices(points: FloatArray, n: int) -> None:
+    """Raise a ValueError where points, (m, ...), are not those of `n` vertices."""
+    if len(points) != n:
+        raise ValueError(f"{len(points)} vertices for a mesh that has {n}")
+
+
 def read_only(array: A) -> A:
     """View an array that can't be written to."""
     view = array.view()

@@ -9,7 +9,7 @@ import numpy as np
 
 from qsmooth._types import IndexArray
 from qsmooth._words import plural
-from qsmooth.adapters import to_mesh
+from qsmooth.adapters import as_mesh
 from qsmooth.merging import find_seams
 from qsmooth.mesh import Mesh
 from qsmooth.metrics import Validity, quality
@@ -118,7 +118,7 @@ def inspect(mesh: Any) -> Inspection:
     Parameters
     ----------
     mesh
-        A `Mesh`, a pair ``(points, cells)``, or a mesh of meshio.
+        A `Mesh`, a pair ``(points, cells)``, or what `as_mesh` takes.
 
     Raises
     ------
@@ -127,7 +127,7 @@ def inspect(mesh: Any) -> Inspection:
     """
     from qsmooth.kernels.topology import boundary_loops
 
-    mesh = to_mesh(mesh)
+    mesh = as_mesh(mesh)
     topology = mesh.topology
     sizes = np.diff(mesh.cell_offsets)
     twins = topology.twins

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray
 from qsmooth._words import plural
-from qsmooth.adapters import to_mesh
+from qsmooth.adapters import as_mesh
 from qsmooth.errors import MeshError
 from qsmooth.io.file_content import FileContent
 from qsmooth.mesh import Mesh
@@ -105,7 +105,7 @@ def merge(mesh: Any, tolerance: float = TOLERANCE) -> Mesh:
     ValueError
         If `tolerance` is out of range.
     """
-    given: Mesh = to_mesh(mesh)
+    given: Mesh = as_mesh(mesh)
     seams = find_seams(given, tolerance)
     if not seams.n_edges:
         return given

@@ -19,7 +19,9 @@ from qsmooth.checks import (
 )
 from qsmooth.errors import MeshError
 from qsmooth.geographic import Projection, require_degrees
+from qsmooth.notebook import page, thumbnail
 from qsmooth.plane import Plane, coordinates, find_plane, is_level
+from qsmooth.table import Row, Section, Table
 from qsmooth.topology import Topology
 
 Surface: TypeAlias = Literal["auto", "flat"]
@@ -93,12 +95,26 @@ class Mesh:
         self._xy = self.project(self._points)
         self._topology.orient(self._xy)
         self._source: object = None
+        self._origin: object = None
 
     def __repr__(self) -> str:
         kinds = {3: "triangles", 4: "quads"}
         counts = {k: sum(len(b) for b in self._cells if b.shape[1] == k) for k in kinds}
         cells = ", ".join(f"{n} {kinds[k]}" for k, n in counts.items() if n)
         return f"Mesh({self.n_vertices} vertices, {cells})"
+
+    def _repr_html_(self) -> str:
+        """Show a table and a picture in a notebook."""
+        spans = " × ".join(f"{span:.4g}" for span in np.ptp(self._points, axis=0))
+        rows = [Row("Extent", (spans,)), Row("Boundary vertices", (str(self.is_boundary.sum()),))]
+        if self.regions is not None:
+            rows.append(Row("Regions", (str(len(np.unique(self.regions))),)))
+        picture = thumbnail(self._xy, self._topology.cells, self._topology.twins, None)
+        return page(repr(self), Table(("",), (Section("", tuple(rows)),)), [picture])
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Pickle all but the origin, which need not be a thing that can be."""
+        return {**self.__dict__, "_origin": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore a pickled mesh; arrays come back writable, which is another type for kernels."""
@@ -148,6 +164,11 @@ class Mesh:
     def source(self) -> object:
         """The content of the file that the mesh was read from, or None; for `qsmooth.io`."""
         return self._source
+
+    @property
+    def origin(self) -> object:
+        """What of another library the mesh was made of, or None; for `qsmooth.adapters`."""
+        return self._origin
 
     @property
     def surface(self) -> Surface:
@@ -283,7 +304,7 @@ class Mesh:
             regions=self.regions,
             geographic=geographic,
         )
-        return mesh.with_source(self._source, self._topology.lines)
+        return mesh.with_source(self._source, self._topology.lines).with_origin(self._origin)
 
     def project(self, points: FloatArray) -> FloatArray:
         """Coordinates of points in the plane of the mesh, (n, 2); read-only, not checked."""
@@ -354,6 +375,12 @@ class Mesh:
         mesh._topology = self._topology.with_lines(lines)
         return mesh
 
+    def with_origin(self, origin: object) -> Mesh:
+        """Remember what the mesh was made of; for `qsmooth.adapters`."""
+        mesh = self._copy()
+        mesh._origin = origin
+        return mesh
+
     def _copy(self) -> Mesh:
         mesh = object.__new__(Mesh)
         mesh.__dict__.update(self.__dict__)
@@ -376,10 +403,13 @@ def _as_blocks(vertices: IndexArray, blocks: Sequence[IndexArray]) -> list[Index
     ]
 
 
-def as_mesh(mesh: MeshLike) -> Mesh:
-    """Take a mesh, or a pair ``(points, cells)``, as a `Mesh`."""
+def plain_mesh(mesh: MeshLike) -> Mesh:
+    """Take a mesh, or a pair ``(points, cells)``, as a `Mesh`; `qsmooth.as_mesh` takes all else."""
     if isinstance(mesh, Mesh):
         return mesh
     if isinstance(mesh, tuple) and len(mesh) == 2:
         return Mesh(*mesh)
-    raise TypeError(f"expected a Mesh or a pair (points, cells), got {type(mesh).__name__}")
+    raise TypeError(
+        f"expected a Mesh or a pair (points, cells), got {type(mesh).__name__}; "
+        "as_mesh() takes meshes of other libraries"
+    )

@@ -10,8 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from qsmooth._types import FloatArray, IndexArray
+from qsmooth.adapters import as_mesh
 from qsmooth.checks import read_only
-from qsmooth.mesh import Mesh, MeshLike, as_mesh
+from qsmooth.mesh import Mesh
 
 # From so many places on all threads look for them.
 PARALLEL_FROM = 100_000
@@ -132,8 +133,8 @@ def at_vertices(
 
 
 def transfer(
-    old_mesh: MeshLike,
-    new_mesh: MeshLike,
+    old_mesh: Any,
+    new_mesh: Any,
     values: npt.ArrayLike,
     at: Literal["vertices", "cells"] = "vertices",
     conserve: bool = False,
@@ -149,7 +150,7 @@ def transfer(
     Parameters
     ----------
     old_mesh, new_mesh
-        A `Mesh` each, or a pair ``(points, cells)``; with the same cells.
+        A `Mesh` each, a pair ``(points, cells)``, or what `as_mesh` takes; with the same cells.
     values : (n,) or (n, k)
         Floats, one or `k` at each vertex or each cell of the old mesh.
     at

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from typing import Any, SupportsIndex, overload
 
 import numpy as np
 import numpy.typing as npt
 
+from qsmooth._frames import data_frame
 from qsmooth._json import finite
 from qsmooth._types import FloatArray
-from qsmooth._words import did_you_mean
+from qsmooth._words import did_you_mean, plural
+from qsmooth.adapters import back
 from qsmooth.mesh import Mesh
 from qsmooth.metrics import Quality, Summary
+from qsmooth.metrics.summary import figure_sections, size_text
+from qsmooth.notebook import page
 from qsmooth.outcome import Outcome
+from qsmooth.table import Table, time_text
 from qsmooth.wording import reason
 
 
@@ -57,6 +62,23 @@ class History(tuple[SweepRecord, ...]):
         """Keep the records."""
         return super().__new__(cls, tuple(records))
 
+    def __repr__(self) -> str:
+        if not self:
+            return "History()"
+        low, high = (f"{self[k].min_angle:.1f}° to {self[k].max_angle:.1f}°" for k in (0, -1))
+        return f"History({plural(len(self), 'record')}: {low} in the first, {high} in the last)"
+
+    def to_dataframe(self) -> Any:
+        """Give a ``pandas.DataFrame`` with a row a record.
+
+        Raises
+        ------
+        ImportError
+            Where there is no pandas.
+        """
+        columns = {f.name: self[f.name] for f in fields(SweepRecord)}
+        return data_frame(columns, np.arange(len(self)), "record")
+
     @overload
     def __getitem__(self, key: str) -> npt.NDArray[Any]: ...
     @overload
@@ -94,10 +116,29 @@ class SmoothResult:
 
     mesh: Mesh
     outcome: Outcome
-    history: History = field(repr=False)
-    quality_before: Quality = field(repr=False)
-    quality_after: Quality = field(repr=False)
+    history: History
+    quality_before: Quality
+    quality_after: Quality
     seconds: float
+
+    def __repr__(self) -> str:
+        figures = (
+            f"{low:.1f}° to {high:.1f}°, {q.n_invalid} not valid"
+            for q in (self.quality_before, self.quality_after)
+            for low, high in (q.extreme_angles,)
+        )
+        return (
+            f"SmoothResult({self.method}: {' → '.join(figures)}; "
+            f"{plural(self.sweeps, 'sweep')}, {time_text(self.seconds)})"
+        )
+
+    def _repr_html_(self) -> str:
+        """Show a table and pictures, before and after, in a notebook."""
+        sections = figure_sections([self.before, self.after], mark=False)
+        table = Table(("Before", "After"), tuple(sections), self.reason)
+        pictures = [self.quality_before.picture(), self.quality_after.picture()]
+        done = f"{self.method}, {plural(self.sweeps, 'sweep')}, {time_text(self.seconds)}"
+        return page(f"{size_text(self.after)}: {done}", table, pictures)
 
     @cached_property
     def before(self) -> Summary:
@@ -113,6 +154,30 @@ class SmoothResult:
     def points(self) -> FloatArray:
         """New coordinates, in the shape of the input's."""
         return self.mesh.points
+
+    def back(self, obj: Any = None) -> Any:
+        """Give the mesh in the form that it came in, with all that it carried there.
+
+        Parameters
+        ----------
+        obj
+            What was smoothed, where the result can't know it: once it has been pickled.
+
+        Returns
+        -------
+        object
+            Of what `as_mesh` takes a copy of the same class, with the new coordinates, as float64,
+            and the point data that was interpolated; a gmsh model itself, changed in place; a pair
+            ``(points, cells)``. The mesh, where it came as a `Mesh` of arrays or from a file.
+
+        Raises
+        ------
+        ValueError
+            If it has other vertices by now, or is no longer there.
+        """
+        if obj is None:
+            obj = self.mesh if self.mesh.origin is None else self.mesh.origin
+        return back(self.mesh, obj)
 
     @property
     def method(self) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from qsmooth._types import FloatArray
-from qsmooth.adapters import to_mesh
+from qsmooth.adapters import as_mesh
 from qsmooth.carrying import Depths
 from qsmooth.checks import checked_points
 from qsmooth.constraints import Constraints
@@ -47,7 +47,7 @@ class Smoother:
     Parameters
     ----------
     mesh
-        A `Mesh`, a pair ``(points, cells)``, or a mesh of meshio. It is not changed.
+        A `Mesh`, a pair ``(points, cells)``, or what `as_mesh` takes. It is not changed.
     method, constraints, geographic, options
         As in `smooth`. What `target` says is read from this mesh; only a function of places is
         asked again by ``smoother(points)``. Which vertices and cells `fixed` and `selection` mean
@@ -76,7 +76,7 @@ class Smoother:
         **options: Any,
     ) -> None:
         self._given, self._chosen = method_of(method, options, constraints)
-        self._mesh = to_mesh(mesh, geographic=geographic)
+        self._mesh = as_mesh(mesh, geographic=geographic)
         self._method = self._given.resolved(self._mesh)
         self._begin()
 

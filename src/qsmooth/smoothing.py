@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from qsmooth._words import did_you_mean
-from qsmooth.adapters import to_mesh
+from qsmooth.adapters import as_mesh
 from qsmooth.bars import Shown, watched
 from qsmooth.constraints import Constraints
 from qsmooth.methods.base import Method
@@ -30,7 +30,7 @@ def smooth(
     Parameters
     ----------
     mesh
-        A `Mesh`, a pair ``(points, cells)``, or a mesh of meshio. It is not changed.
+        A `Mesh`, a pair ``(points, cells)``, or what `as_mesh` takes. It is not changed.
     method
         A name, as in ``smooth(mesh, "star", step=0.3)``, or a method with its options, as in
         ``smooth(mesh, Star(step=0.3))``, which is the same: ``"optimize"``, ``"star"``,
@@ -69,7 +69,7 @@ def smooth(
     """
     method, chosen = method_of(method, options, constraints)
     with watched(method, progress) as shown:
-        return shown.smooth(to_mesh(mesh, geographic=geographic), chosen)
+        return shown.smooth(as_mesh(mesh, geographic=geographic), chosen)
 
 
 def untangle(
@@ -85,7 +85,7 @@ def untangle(
     Parameters
     ----------
     mesh
-        A `Mesh`, a pair ``(points, cells)``, or a mesh of meshio. It is not changed.
+        A `Mesh`, a pair ``(points, cells)``, or what `as_mesh` takes. It is not changed.
     constraints, progress, geographic, options
         As in `smooth`. Options are ``max_sweeps`` (20,000), ``time_limit``, ``threads``,
         ``callback``, and the fields of `Constraints`.
@@ -106,7 +106,7 @@ def untangle(
     """
     given = _with_constraints(options, constraints)
     with watched(all_methods()["untangle"].of(given), progress) as shown:
-        return shown.smooth(to_mesh(mesh, geographic=geographic))
+        return shown.smooth(as_mesh(mesh, geographic=geographic))
 
 
 def compare(
@@ -122,7 +122,7 @@ def compare(
     Parameters
     ----------
     mesh
-        A `Mesh`, a pair ``(points, cells)``, or a mesh of meshio.
+        A `Mesh`, a pair ``(points, cells)``, or what `as_mesh` takes.
     names
         Methods, by name or with their options; all by default.
     constraints, geographic
@@ -143,7 +143,7 @@ def compare(
     ValueError, TypeError, MeshError
         As in `smooth`; an option that none of the methods has is a TypeError.
     """
-    mesh = to_mesh(mesh, geographic=geographic)
+    mesh = as_mesh(mesh, geographic=geographic)
     options = _with_constraints(options, constraints)
     chosen = numbered(configured(methods() if names is None else names, options))
     skipped = {name: spelled(why) for name, m in chosen.items() if (why := m.why_not(mesh))}

@@ -1,15 +1,27 @@
 """What finds the adapter of an object, and what it costs."""
 
+import pickle
 import subprocess
 import sys
 
+import meshio
 import numpy as np
 import pytest
 
 import qsmooth.adapters
-from qsmooth import Mesh
-from qsmooth.adapters import adapters, back, to_mesh
+from qsmooth import Mesh, from_meshio, smooth, write_mesh
+from qsmooth.adapters import adapters, as_mesh, back
 
+LIBRARIES = {
+    "meshio",
+    "vtkmodules",
+    "pyvista",
+    "gmsh",
+    "skfem",
+    "matplotlib",
+    "xugrid",
+    "meshkernel",
+}
 PAIR = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)], [(0, 1, 2, 3)]
 
 TOY = """
@@ -37,14 +49,14 @@ def toy(tmp_path, monkeypatch):
 
 
 def test_a_mesh_and_a_pair_need_no_adapter():
-    mesh = to_mesh(PAIR)
-    assert to_mesh(mesh) is mesh
+    mesh = as_mesh(PAIR)
+    assert as_mesh(mesh) is mesh
     assert back(mesh, mesh) is mesh
     points, cells = back(mesh, PAIR)
     assert points is mesh.points
     assert cells is PAIR[1]
     bent = np.column_stack([PAIR[0], [0.0, 0.0, 0.0, 1.0]])
-    assert to_mesh((bent, PAIR[1]), surface="flat").points[3, 2] == 1.0
+    assert as_mesh((bent, PAIR[1]), surface="flat").points[3, 2] == 1.0
 
 
 def test_every_adapter_has_what_one_needs():
@@ -57,28 +69,55 @@ def test_every_adapter_has_what_one_needs():
 
 @pytest.mark.parametrize("thing", ["text", 3, None, {}, [1, 2], (1, 2, 3)])
 def test_anything_else_is_named(thing):
-    with pytest.raises(TypeError, match=rf"expected a Mesh, .*got {type(thing).__name__}"):
-        to_mesh(thing)
+    with pytest.raises(TypeError, match=rf"expected a Mesh, .*; got {type(thing).__name__}"):
+        as_mesh(thing)
 
 
 def test_a_module_is_all_that_an_adapter_takes(toy):
     given = {"toy": PAIR[0], "cells": PAIR[1], "colour": "red"}
-    mesh = to_mesh(given)
+    mesh = as_mesh(given)
     assert isinstance(mesh, Mesh)
     assert back(mesh, given)["colour"] == "red"
-    with pytest.raises(TypeError, match=r"cells\) or a meshio\.Mesh or a toy, got int"):
-        to_mesh(3)
+    with pytest.raises(TypeError, match=r"cells\) or .*a meshio\.Mesh, .*a toy, .*; got int"):
+        as_mesh(3)
 
 
 def test_no_library_is_imported_to_know_its_objects():
     code = (
         "import sys\n"
-        "from qsmooth.adapters import to_mesh\n"
-        f"to_mesh({PAIR!r})\n"
+        "from qsmooth.adapters import as_mesh\n"
+        f"as_mesh({PAIR!r})\n"
         "assert 'qsmooth.adapters.meshio_mesh' not in sys.modules\n"
-        "try:\n    to_mesh('text')\nexcept TypeError:\n    pass\n"
+        "try:\n    as_mesh('text')\nexcept TypeError:\n    pass\n"
         "assert 'qsmooth.adapters.meshio_mesh' in sys.modules\n"
-        "print({'meshio', 'vtkmodules', 'pyvista'} & set(sys.modules))"
+        f"print({LIBRARIES} & set(sys.modules))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
+
+
+def test_a_result_goes_back_to_what_came_in():
+    points, cells = smooth(PAIR, "laplacian", max_sweeps=1).back()
+    assert points.tolist() == [list(place) for place in PAIR[0]]
+    assert cells is PAIR[1]
+    mesh = Mesh(*PAIR)
+    assert smooth(mesh, "laplacian", max_sweeps=1).back() is mesh
+    given = meshio.Mesh(np.array(PAIR[0]), [("quad", np.array(PAIR[1]))])
+    for taken in (given, from_meshio(given), as_mesh(given)):
+        new = smooth(taken, "laplacian", max_sweeps=1).back()
+        assert type(new) is meshio.Mesh
+        assert new is not given
+
+
+def test_a_pickled_result_is_told_what_it_was():
+    given = meshio.Mesh(np.array(PAIR[0]), [("quad", np.array(PAIR[1]))])
+    result = pickle.loads(pickle.dumps(smooth(given, "laplacian", max_sweeps=1)))
+    assert result.back() is result.mesh
+    assert type(result.back(given)) is meshio.Mesh
+
+
+def test_writing_says_how_an_object_becomes_a_mesh(tmp_path):
+    given = meshio.Mesh(np.array(PAIR[0]), [("quad", np.array(PAIR[1]))])
+    with pytest.raises(TypeError, match=r"as_mesh\(\) takes meshes of other libraries"):
+        write_mesh(tmp_path / "out.vtu", given)
+    write_mesh(tmp_path / "out.vtu", as_mesh(given))

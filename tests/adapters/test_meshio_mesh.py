@@ -6,7 +6,7 @@ import pytest
 
 from format_samples import POINTS, QUADS, TRIANGLES
 from qsmooth import MeshError, from_meshio, read_mesh, to_meshio
-from qsmooth.adapters import back, meshio_mesh, to_mesh
+from qsmooth.adapters import as_mesh, back, meshio_mesh
 
 
 @pytest.fixture
@@ -40,7 +40,7 @@ def test_everything_comes_back(given):
 def test_back_is_a_copy_with_other_coordinates(given):
     given.points = given.points.astype(np.float32)
     given.info = "of the caller"
-    mesh = to_mesh(given)
+    mesh = as_mesh(given)
     moved = np.array(mesh.points)
     moved[4] = 1.0 + 1e-12, 1.0
     new = back(mesh.with_points(moved), given)
@@ -54,7 +54,7 @@ def test_back_is_a_copy_with_other_coordinates(given):
 
 
 def test_back_of_another_mesh_is_refused(given):
-    mesh = to_mesh((POINTS[:4], [(0, 1, 3)]))
+    mesh = as_mesh((POINTS[:4], [(0, 1, 3)]))
     with pytest.raises(ValueError, match=r"points of shape \(4, 2\) for a mesh of \(8, 2\)"):
         back(mesh, given)
 
@@ -68,8 +68,8 @@ def test_what_is_no_mesh_is_refused(given):
 def test_third_coordinate_as_a_value(given):
     given.points = np.column_stack([given.points, np.arange(8) ** 2])
     with pytest.raises(MeshError, match="surface"):
-        to_mesh(given)
-    assert to_mesh(given, surface="flat").points[7, 2] == 49.0
+        as_mesh(given)
+    assert as_mesh(given, surface="flat").points[7, 2] == 49.0
 
 
 def test_accepts_by_the_class_and_its_heirs(given):

@@ -15,7 +15,7 @@ from typing import Any, Protocol, cast
 
 from qsmooth.mesh import Mesh, Surface
 
-__all__ = ["adapters", "back", "to_mesh"]
+__all__ = ["adapters", "as_mesh", "back"]
 
 
 class Adapter(Protocol):
@@ -29,11 +29,17 @@ class Adapter(Protocol):
         ...
 
     def to_mesh(self, obj: Any, *, surface: Surface = "auto") -> Mesh:
-        """Mesh of the triangles and quads; MeshError where they cannot be smoothed."""
+        """Mesh of the triangles and quads; MeshError where they cannot be smoothed.
+
+        What gives a mesh its form again later is its `origin`: `obj`, if nothing else is set here.
+        """
         ...
 
     def back(self, mesh: Mesh, obj: Any) -> Any:
-        """A copy of `obj` with the coordinates of `mesh`, which was made of it."""
+        """A copy of `obj` with the coordinates of `mesh`, which was made of it.
+
+        With them goes the point data that was interpolated, as listed in `FileContent.changed`.
+        """
         ...
 
 
@@ -44,11 +50,18 @@ def adapters() -> tuple[Adapter, ...]:
     return tuple(cast("Adapter", import_module(f"{__name__}.{name}")) for name in names)
 
 
-def to_mesh(obj: Any, *, surface: Surface = "auto", geographic: bool | None = None) -> Mesh:
-    """Take a mesh, a pair ``(points, cells)`` or a mesh of another library as a `Mesh`.
+def as_mesh(obj: Any, *, surface: Surface = "auto", geographic: bool | None = None) -> Mesh:
+    """Take a mesh of whatever library as a `Mesh`, with the data and the names that it carries.
+
+    Whatever takes a mesh takes all of these, too; this is for what is said here.
 
     Parameters
     ----------
+    obj
+        A `Mesh`; a pair ``(points, cells)`` of arrays; a ``PolyData``, ``UnstructuredGrid`` or flat
+        ``StructuredGrid`` of pyvista or VTK; ``gmsh`` or ``gmsh.model``, which is the current
+        model; a ``MeshTri`` or ``MeshQuad`` of scikit-fem; a ``Triangulation`` of matplotlib; a
+        ``Ugrid2d`` of xugrid; a ``Mesh2d`` of MeshKernel; a ``Mesh`` of meshio. It is not changed.
     surface
         What a third coordinate means, see `Mesh`; a `Mesh` has had that said already.
     geographic
@@ -57,16 +70,23 @@ def to_mesh(obj: Any, *, surface: Surface = "auto", geographic: bool | None = No
     Raises
     ------
     TypeError
-        If there is no adapter for it.
+        If it is none of these.
     MeshError
         If it is no mesh that can be smoothed.
+
+    Examples
+    --------
+    >>> mesh = as_mesh(pyvista.read("bed.vtp"), surface="flat")
+    >>> result = smooth(mesh)
+    >>> result.back().plot()  # a PolyData again
     """
     if isinstance(obj, Mesh):
         return obj.with_geographic(geographic)
     if isinstance(obj, tuple) and len(obj) == 2:
-        return Mesh(*obj, surface=surface, geographic=bool(geographic))
+        return Mesh(*obj, surface=surface, geographic=bool(geographic)).with_origin(obj)
     flat: Surface = "flat" if geographic else surface
-    return _adapter(obj).to_mesh(obj, surface=flat).with_geographic(geographic)
+    mesh = _adapter(obj).to_mesh(obj, surface=flat).with_geographic(geographic)
+    return mesh if mesh.origin is not None else mesh.with_origin(obj)
 
 
 def back(mesh: Mesh, obj: Any) -> Any:
@@ -90,5 +110,5 @@ def _adapter(obj: object) -> Adapter:
     for adapter in adapters():
         if adapter.accepts(obj):
             return adapter
-    known = " or ".join(["a pair (points, cells)", *(adapter.NAME for adapter in adapters())])
-    raise TypeError(f"expected a Mesh, {known}, got {type(obj).__name__}")
+    known = ", ".join(adapter.NAME for adapter in adapters())
+    raise TypeError(f"expected a Mesh, a pair (points, cells) or {known}; got {type(obj).__name__}")

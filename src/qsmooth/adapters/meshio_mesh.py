@@ -20,8 +20,7 @@ NAME = "a meshio.Mesh"
 
 def accepts(obj: object) -> bool:
     """Whether this is a mesh of meshio."""
-    library = sys.modules.get("meshio")
-    return library is not None and isinstance(obj, library.Mesh)
+    return isinstance(obj, getattr(sys.modules.get("meshio"), "Mesh", ()))
 
 
 def to_mesh(obj: meshio.Mesh, *, surface: Surface = "auto") -> Mesh:
@@ -56,7 +55,7 @@ def from_meshio(mesh: meshio.Mesh, *, surface: Surface = "auto") -> Mesh:
     MeshError
         If it is no mesh that can be smoothed.
     """
-    return content_of(mesh).to_mesh(surface)
+    return content_of(mesh).to_mesh(surface).with_origin(mesh)
 
 
 def to_meshio(mesh: Mesh) -> meshio.Mesh:

@@ -98,7 +98,7 @@ def write_mesh(path: PathLike, mesh: MeshLike, *, format: str | None = None) -> 
     Parameters
     ----------
     mesh
-        A `Mesh`, or a pair ``(points, cells)``.
+        A `Mesh`, or a pair ``(points, cells)``; what else there is goes through `as_mesh`.
     path
         The format goes by the ending; where several share it, or there is none, by the file the
         mesh came from.
@@ -110,11 +110,11 @@ def write_mesh(path: PathLike, mesh: MeshLike, *, format: str | None = None) -> 
     MeshError
         If the format is unknown or the file cannot be written.
     """
-    from qsmooth.mesh import as_mesh
+    from qsmooth.mesh import plain_mesh
 
     lost = write_and_tell(path, mesh, format=format)
     if lost:
-        name = format_of(path, as_mesh(mesh), format=format)
+        name = format_of(path, plain_mesh(mesh), format=format)
         warnings.warn(
             f"'{path}': format {name} cannot hold {'; '.join(lost)}", MeshWarning, stacklevel=2
         )
@@ -122,9 +122,9 @@ def write_mesh(path: PathLike, mesh: MeshLike, *, format: str | None = None) -> 
 
 def write_and_tell(path: PathLike, mesh: MeshLike, *, format: str | None = None) -> tuple[str, ...]:
     """Write a mesh as `write_mesh` does, and give what its format cannot hold, in words."""
-    from qsmooth.mesh import as_mesh
+    from qsmooth.mesh import plain_mesh
 
-    path, mesh = Path(path), as_mesh(mesh)
+    path, mesh = Path(path), plain_mesh(mesh)
     source = mesh.source if isinstance(mesh.source, FileContent) else None
     name = format_of(path, mesh, format=format)
     same_format = source is not None and source.format == name

@@ -10,8 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from qsmooth._types import BoolArray, FloatArray
-from qsmooth.adapters import to_mesh
+from qsmooth.adapters import as_mesh
 from qsmooth.metrics.quality import Quality, quality
+from qsmooth.notebook import page
+from qsmooth.table import Row, Section, Table
 from qsmooth.topology import Topology
 
 if TYPE_CHECKING:
@@ -59,6 +61,27 @@ class Limits:
         """Plain numbers, fit for JSON."""
         return asdict(self)
 
+    def __repr__(self) -> str:
+        return (
+            f"Limits(smallest angle {self.reached_min_angle:.2f}° of at most "
+            f"{self.min_angle:.2f}°, largest {self.reached_max_angle:.2f}° of at least "
+            f"{self.max_angle:.2f}°)"
+        )
+
+    def _repr_html_(self) -> str:
+        """Show a table in a notebook."""
+        rows = tuple(
+            Row(f"{which} angle", (f"{now:.2f}°", f"{best:.2f}°", where.lstrip(",; ")))
+            for which, now, best, where in (
+                ("Smallest", self.reached_min_angle, self.min_angle,
+                 _set_at(self.min_angle_vertex, self.min_angle_set_by)),
+                ("Largest", self.reached_max_angle, self.max_angle,
+                 _set_at(self.max_angle_vertex, self.max_angle_set_by)),
+            )
+        )  # fmt: skip
+        columns = "Now", "Best of any placement", "Limited by"
+        return page("Limits of the angles", Table(columns, (Section("", rows),)))
+
     def __str__(self) -> str:
         return "\n".join(
             [
@@ -84,7 +107,7 @@ def limits(
     Parameters
     ----------
     mesh
-        A `Mesh`, a pair ``(points, cells)``, or a mesh of meshio.
+        A `Mesh`, a pair ``(points, cells)``, or what `as_mesh` takes.
     keep_interfaces
         Whether vertices on the line between two regions, or on line cells of the file, stay.
     movable : (n_vertices,) bool
@@ -106,7 +129,7 @@ def limits(
     ValueError
         If `movable` is no such mask.
     """
-    mesh = to_mesh(mesh, geographic=geographic)
+    mesh = as_mesh(mesh, geographic=geographic)
     topology = mesh.topology
     kept = [*kept_by(topology, keep_interfaces)]
     if movable is None:

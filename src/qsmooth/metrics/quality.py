@@ -10,13 +10,17 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
+from qsmooth._frames import data_frame
 from qsmooth._types import FloatArray, IndexArray
-from qsmooth.adapters import to_mesh
+from qsmooth._words import plural
+from qsmooth.adapters import as_mesh
 from qsmooth.checks import read_only
 from qsmooth.metrics.histogram import count_by_bins
 from qsmooth.metrics.registry import METRICS, find_metric, parse_metrics, unknown
-from qsmooth.metrics.summary import Summary, WorstCells
+from qsmooth.metrics.summary import Summary, WorstCells, figure_sections, size_text
+from qsmooth.notebook import page, thumbnail
 from qsmooth.sums import exact_mean
+from qsmooth.table import Table
 from qsmooth.topology import Topology
 
 
@@ -85,7 +89,23 @@ class Quality:
         self._doubtful: int | None = None
 
     def __repr__(self) -> str:
-        return f"Quality of {self.topology.n_cells} cells"
+        low, high = self.extreme_angles
+        return (
+            f"Quality({plural(self.topology.n_cells, 'cell')}, {low:.1f}° to {high:.1f}°, "
+            f"mean shape {self.mean_shape:.3f}, {self.n_invalid} not valid)"
+        )
+
+    def _repr_html_(self) -> str:
+        """Show a table and a picture in a notebook."""
+        summary = self.summary()
+        table = Table(("",), tuple(figure_sections([summary], mark=False)))
+        return page(size_text(summary), table, [self.picture()])
+
+    def picture(self) -> str:
+        """Draw the cells as a small SVG, coloured by their scaled Jacobian."""
+        topology = self.topology
+        worth = np.where(self.validity == Validity.VALID, self["scaled_jacobian"], -1.0)
+        return thumbnail(self.xy, topology.cells, topology.twins, worth)
 
     def __getitem__(self, name: str) -> FloatArray:
         if name not in self._values:
@@ -293,6 +313,26 @@ class Quality:
             values={name: self[name][cells] for name in names},
         )
 
+    def to_dataframe(self, metrics: str | Sequence[str] | None = None) -> Any:
+        """Give a ``pandas.DataFrame`` with a row a cell: metrics, and the name of its class.
+
+        Parameters
+        ----------
+        metrics
+            As in `summary`.
+
+        Raises
+        ------
+        ValueError
+            If a name is no metric.
+        ImportError
+            Where there is no pandas.
+        """
+        classes = np.array([kind.name.lower() for kind in Validity])
+        columns: dict[str, Any] = {name: self[name] for name in parse_metrics(metrics)}
+        columns["validity"] = classes[self.validity]
+        return data_frame(columns, np.arange(self.topology.n_cells), "cell")
+
 
 def quality(mesh: Any, *, geographic: bool | None = None) -> Quality:
     """Measure every cell of a mesh.
@@ -300,7 +340,7 @@ def quality(mesh: Any, *, geographic: bool | None = None) -> Quality:
     Parameters
     ----------
     mesh
-        A `Mesh`, a pair ``(points, cells)``, or a mesh of meshio.
+        A `Mesh`, a pair ``(points, cells)``, or what `as_mesh` takes.
     geographic
         Whether x and y are longitudes and latitudes in degrees, see `Mesh`: then angles are the
         true ones, lengths in metres. By default what the mesh says.
@@ -318,7 +358,7 @@ def quality(mesh: Any, *, geographic: bool | None = None) -> Quality:
     MeshError
         If a pair is no mesh.
     """
-    mesh = to_mesh(mesh, geographic=geographic)
+    mesh = as_mesh(mesh, geographic=geographic)
     key = id(mesh.topology), id(mesh.points)
     found = _measured.get(key)
     if found is None:

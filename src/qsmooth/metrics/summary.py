@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
+from qsmooth._frames import data_frame
 from qsmooth._json import finite
 from qsmooth._types import FloatArray, IndexArray
 from qsmooth._words import plural
 from qsmooth.metrics.histogram import Histogram
 from qsmooth.metrics.metric import Metric
 from qsmooth.metrics.registry import METRICS
+from qsmooth.notebook import page
 from qsmooth.table import (
     LONGEST_BAR,
     Row,
@@ -47,7 +49,7 @@ class Summary:
     worst: dict[str, float]
     mean: dict[str, float]
     validity: dict[str, int]
-    histograms: dict[str, Histogram] = field(repr=False)
+    histograms: dict[str, Histogram]
 
     @property
     def n_cells(self) -> int:
@@ -73,6 +75,25 @@ class Summary:
             "validity": dict(self.validity),
             "histograms": {name: h.to_dict() for name, h in self.histograms.items()},
         }
+
+    def __repr__(self) -> str:
+        worst = ", ".join(f"{name} {METRICS[name].text(v)}" for name, v in self.worst.items())
+        return f"Summary({size_text(self)}, {self.n_invalid} not valid; worst {worst})"
+
+    def _repr_html_(self) -> str:
+        """Show a table in a notebook."""
+        return page(size_text(self), Table(("",), tuple(figure_sections([self], mark=False))))
+
+    def to_dataframe(self) -> Any:
+        """Give a ``pandas.DataFrame`` with a row a metric: its worst figure and its mean.
+
+        Raises
+        ------
+        ImportError
+            Where there is no pandas.
+        """
+        columns = {"worst": list(self.worst.values()), "mean": list(self.mean.values())}
+        return data_frame(columns, list(self.worst), "metric")
 
     def __str__(self) -> str:
         return f"{size_text(self)}\n\n{summary_table(self)}"
@@ -109,6 +130,17 @@ class WorstCells:
             }
             for k, cell in enumerate(self.cells)
         ]
+
+    def to_dataframe(self) -> Any:
+        """Give a ``pandas.DataFrame`` with a row a cell: its centre and metrics.
+
+        Raises
+        ------
+        ImportError
+            Where there is no pandas.
+        """
+        centre = dict(zip("xyz", self.centres.T, strict=False))
+        return data_frame(centre | self.values, self.cells, "cell")
 
 
 # ------------------------------------------------------------------------------- as a table

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import numpy as np
 
 from qsmooth._words import plural
-from qsmooth.adapters import to_mesh
+from qsmooth.adapters import as_mesh
 from qsmooth.mesh import Mesh
 from qsmooth.metrics import METRICS, Quality, Summary, find_metric, parse_metrics, quality
 from qsmooth.output.drawing import (
@@ -326,7 +326,7 @@ def save_figures(
 
 def _mesh_of(mesh: Any) -> Mesh:
     inner = getattr(mesh, "mesh", None)
-    return inner if isinstance(inner, Mesh) else to_mesh(mesh)
+    return inner if isinstance(inner, Mesh) else as_mesh(mesh)
 
 
 def _summary_of(mesh: Any, metrics: str | Sequence[str] | None) -> Summary:
