@@ -33,7 +33,8 @@ def test_formats_are_those_of_the_registry(call):
     assert list(listed) == list(formats())
     assert listed["gmsh"]["keeps"] is not None
     assert listed["nastran"]["keeps"] is None
-    assert not listed["xdmf"]["writes"]
+    assert listed["xdmf"]["writes"]
+    assert not listed["tetgen"]["writes"]
 
 
 def test_convert_says_what_is_lost(call, fails, mesh_file, seam_file, tmp_path):
@@ -60,9 +61,9 @@ def test_convert_says_what_it_could_not_write(call, mesh_file, tmp_path):
     code, out, err = call("convert", mesh_file, folder / "a.stl")
     assert (code, out) == (2, "")
     assert "is a folder" in err
-    code, out, err = call("convert", mesh_file, folder / "a.xdmf")
+    code, out, err = call("convert", mesh_file, folder / "a.ele")
     assert (code, out) == (2, "")
-    assert "format xdmf takes several files" in err
+    assert "format tetgen takes several files" in err
 
 
 @pytest.mark.parametrize(

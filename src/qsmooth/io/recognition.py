@@ -25,9 +25,9 @@ from qsmooth.io.registry import (
 
 def formats() -> dict[str, tuple[str, ...]]:
     """Names of all formats, with their endings: qsmooth's own first, then meshio's."""
-    own = sorted(own_formats(), key=lambda form: form.NAME)
-    of_folders: dict[str, tuple[str, ...]] = {form.NAME: () for form in folder_formats()}
-    return {form.NAME: form.ENDINGS for form in own} | of_folders | via_meshio.formats(replaced())
+    own = {form.NAME: form.ENDINGS for form in own_formats()}
+    own |= {form.NAME: () for form in folder_formats()}
+    return dict(sorted(own.items())) | via_meshio.formats(replaced())
 
 
 def endings() -> list[str]:
