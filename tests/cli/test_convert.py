@@ -35,6 +35,7 @@ def test_formats_are_those_of_the_registry(call):
     assert listed["nastran"]["keeps"] is None
     assert listed["xdmf"]["writes"]
     assert not listed["tetgen"]["writes"]
+    assert not listed["cgns"]["reads"]
 
 
 def test_convert_says_what_is_lost(call, fails, mesh_file, seam_file, tmp_path):

@@ -30,6 +30,8 @@ NOT_MESHES = frozenset(("svg", "neuroglancer"))
 SEVERAL_FILES = frozenset(("tetgen", "xdmf"))
 # What has some of these put all into one.
 ALONE = {"xdmf": {"data_format": "XML"}}
+# Of these meshio knows tetrahedra only.
+SOLID = frozenset(("cgns",))
 # Readers that go on reading for ever where a file ends too early, and whether they read text.
 ENDLESS = {"ansys": False, "mdpa": False, "tecplot": True}
 MOST_ENDS = 1000
@@ -88,13 +90,13 @@ def formats(without: Set[str]) -> dict[str, tuple[str, ...]]:
 
 
 def readers() -> frozenset[str]:
-    """Names of the formats that meshio has a reader for."""
-    return frozenset(loaded()._helpers.reader_map)
+    """Names of the formats that meshio reads triangles or quads from."""
+    return frozenset(loaded()._helpers.reader_map) - SOLID
 
 
 def writers() -> frozenset[str]:
     """Names of those that it has a writer for, and that `write` takes."""
-    return frozenset(loaded()._helpers._writer_map) - (SEVERAL_FILES - ALONE.keys())
+    return frozenset(loaded()._helpers._writer_map) - (SEVERAL_FILES - ALONE.keys()) - SOLID
 
 
 def read(path: Path, name: str) -> FileContent:
