@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from qsmooth import Mesh, limits, quality, smooth
+from qsmooth import Mesh, Smoother, limits, quality, smooth
 from qsmooth.examples import lake, structured, tangled
 
 MOST = 100_000
@@ -56,6 +56,16 @@ def test_of_quality_a_summary_and_limits(result):
     text = words(limits(structured(3, 3))._repr_html_())
     assert "Now" in text
     assert "90.00°" in text
+
+
+def test_limits_are_drawn_with_the_mesh_and_told_without():
+    mesh = structured(3, 3)
+    found = limits(mesh)
+    assert found.quality is quality(mesh)
+    assert quality(mesh).picture() in found._repr_html_()
+    assert "quality" not in found.to_dict()
+    assert found == dataclasses.replace(found, quality=None)
+    assert "svg" not in dataclasses.replace(found, quality=None)._repr_html_()
 
 
 def test_of_a_result(result):
@@ -112,10 +122,14 @@ def test_reprs_are_short_and_rounded(result):
         result.quality_after,
         limits(result.mesh),
         result.mesh,
+        result.history[0],
+        result.quality_after.worst(9),
+        result.quality_after.worst(0),
+        Smoother(result.mesh, "laplacian").step(result.points.copy()),
     ]
     for thing in shown:
         assert len(repr(thing)) < 250
-        assert not re.search(r"\d\.\d{5}", repr(thing)), repr(thing)
+        assert not re.search(r"\d\.\d{5}|\n", repr(thing)), repr(thing)
     assert re.fullmatch(
         r"SmoothResult\(laplacian: \S+° to \S+°, \d+ not valid → \S+° to \S+°, \d+ not valid; "
         r"2 sweeps, .* s\)",

@@ -73,9 +73,7 @@ class Mesh:
         regions: npt.ArrayLike | None = None,
         geographic: bool = False,
     ) -> None:
-        if surface not in ("auto", "flat"):
-            raise ValueError(f"surface must be 'auto' or 'flat', got {surface!r}")
-        self._surface: Surface = "flat" if geographic else surface
+        self._surface: Surface = "flat" if geographic else _checked_surface(surface)
         self._points = read_only(checked_points(points))
         blocks = checked_blocks(cells)
         if len(self._points) == 0 or not blocks:
@@ -294,12 +292,27 @@ class Mesh:
         MeshError
             If they can't be.
         """
-        if geographic is None or geographic == self.geographic:
+        return self.taken_as("auto", geographic)
+
+    def taken_as(self, surface: Surface, geographic: bool | None) -> Mesh:
+        """Make a mesh of the same points whose coordinates mean something else.
+
+        All else stays. ``"auto"`` and None leave it as it is.
+
+        Raises
+        ------
+        MeshError
+            If they can't be degrees.
+        """
+        surface = self._surface if _checked_surface(surface) == "auto" else surface
+        geographic = self.geographic if geographic is None else geographic
+        same_z = surface == self._surface or self._points.shape[1] == 2
+        if same_z and geographic == self.geographic:
             return self
         mesh = Mesh(
             self._points,
             self.cells,
-            surface=self._surface,
+            surface=surface,
             fixed=self._topology.given_fixed,
             regions=self.regions,
             geographic=geographic,
@@ -392,6 +405,12 @@ class Mesh:
         mesh._points = read_only(points)
         mesh._xy = self.project(points)
         return mesh
+
+
+def _checked_surface(surface: Surface) -> Surface:
+    if surface not in ("auto", "flat"):
+        raise ValueError(f"surface must be 'auto' or 'flat', got {surface!r}")
+    return surface
 
 
 def _as_blocks(vertices: IndexArray, blocks: Sequence[IndexArray]) -> list[IndexArray]:

@@ -52,6 +52,13 @@ class SweepRecord:
     mean_shape: float
     n_invalid: int
 
+    def __repr__(self) -> str:
+        return (
+            f"SweepRecord({self.min_angle:.1f}° to {self.max_angle:.1f}°, "
+            f"mean shape {self.mean_shape:.3f}, {self.n_invalid} not valid; {self.n_moved} moved, "
+            f"by {self.largest_move:.3g} at most, {self.largest_share:.3g} of the shortest edge)"
+        )
+
 
 class History(tuple[SweepRecord, ...]):
     """Records of the sweeps in order; ``history["min_angle"]`` is an array, a value a record."""

@@ -16,7 +16,7 @@ from qsmooth.carrying import Depths
 from qsmooth.checks import checked_points
 from qsmooth.constraints import Constraints
 from qsmooth.errors import MeshError
-from qsmooth.mesh import Mesh
+from qsmooth.mesh import Mesh, Surface
 from qsmooth.methods.base import Method
 from qsmooth.optimizer.ground import Meant
 from qsmooth.optimizer.method import Optimize
@@ -48,7 +48,7 @@ class Smoother:
     ----------
     mesh
         A `Mesh`, a pair ``(points, cells)``, or what `as_mesh` takes. It is not changed.
-    method, constraints, geographic, options
+    method, constraints, surface, geographic, options
         As in `smooth`. What `target` says is read from this mesh; only a function of places is
         asked again by ``smoother(points)``. Which vertices and cells `fixed` and `selection` mean
         is found here, too.
@@ -72,11 +72,12 @@ class Smoother:
         method: str | Method = "auto",
         *,
         constraints: Constraints | None = None,
+        surface: Surface = "auto",
         geographic: bool | None = None,
         **options: Any,
     ) -> None:
         self._given, self._chosen = method_of(method, options, constraints)
-        self._mesh = as_mesh(mesh, geographic=geographic)
+        self._mesh = as_mesh(mesh, surface=surface, geographic=geographic)
         self._method = self._given.resolved(self._mesh)
         self._begin()
 

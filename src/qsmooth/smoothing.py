@@ -10,6 +10,7 @@ from qsmooth._words import did_you_mean
 from qsmooth.adapters import as_mesh
 from qsmooth.bars import Shown, watched
 from qsmooth.constraints import Constraints
+from qsmooth.mesh import Surface
 from qsmooth.methods.base import Method
 from qsmooth.options import spelled
 from qsmooth.registry import all_methods, choose, method_class, methods
@@ -22,6 +23,7 @@ def smooth(
     *,
     constraints: Constraints | None = None,
     progress: bool | Shown | None = None,
+    surface: Surface = "auto",
     geographic: bool | None = None,
     **options: Any,
 ) -> SmoothResult:
@@ -43,6 +45,9 @@ def smooth(
         True shows how far it is: a bar on a terminal or in a notebook, else a line on standard
         error in the end. A function is called with each `SweepRecord`, the sweeps so far, and the
         most that there can be, None where that is not known. By default nothing is shown.
+    surface
+        What a third coordinate means: ``"flat"`` for a value, a depth say, see `Mesh`; by default
+        what the mesh says, or else points in one plane.
     geographic
         Whether x and y are longitudes and latitudes in degrees, see `Mesh`; by default what the
         mesh, or its file, says.
@@ -69,7 +74,7 @@ def smooth(
     """
     method, chosen = method_of(method, options, constraints)
     with watched(method, progress) as shown:
-        return shown.smooth(as_mesh(mesh, geographic=geographic), chosen)
+        return shown.smooth(as_mesh(mesh, surface=surface, geographic=geographic), chosen)
 
 
 def untangle(
@@ -77,6 +82,7 @@ def untangle(
     *,
     constraints: Constraints | None = None,
     progress: bool | Shown | None = None,
+    surface: Surface = "auto",
     geographic: bool | None = None,
     **options: Any,
 ) -> SmoothResult:
@@ -86,7 +92,7 @@ def untangle(
     ----------
     mesh
         A `Mesh`, a pair ``(points, cells)``, or what `as_mesh` takes. It is not changed.
-    constraints, progress, geographic, options
+    constraints, progress, surface, geographic, options
         As in `smooth`. Options are ``max_sweeps`` (20,000), ``time_limit``, ``threads``,
         ``callback``, and the fields of `Constraints`.
 
@@ -106,7 +112,7 @@ def untangle(
     """
     given = _with_constraints(options, constraints)
     with watched(all_methods()["untangle"].of(given), progress) as shown:
-        return shown.smooth(as_mesh(mesh, geographic=geographic))
+        return shown.smooth(as_mesh(mesh, surface=surface, geographic=geographic))
 
 
 def compare(
@@ -114,6 +120,7 @@ def compare(
     names: Iterable[str | Method] | None = None,
     *,
     constraints: Constraints | None = None,
+    surface: Surface = "auto",
     geographic: bool | None = None,
     **options: Any,
 ) -> tuple[dict[str, SmoothResult], dict[str, str]]:
@@ -125,7 +132,7 @@ def compare(
         A `Mesh`, a pair ``(points, cells)``, or what `as_mesh` takes.
     names
         Methods, by name or with their options; all by default.
-    constraints, geographic
+    constraints, surface, geographic
         As in `smooth`.
     options
         Each goes to the methods given by name that take it: that have it and, where it is a
@@ -143,7 +150,7 @@ def compare(
     ValueError, TypeError, MeshError
         As in `smooth`; an option that none of the methods has is a TypeError.
     """
-    mesh = as_mesh(mesh, geographic=geographic)
+    mesh = as_mesh(mesh, surface=surface, geographic=geographic)
     options = _with_constraints(options, constraints)
     chosen = numbered(configured(methods() if names is None else names, options))
     skipped = {name: spelled(why) for name, m in chosen.items() if (why := m.why_not(mesh))}

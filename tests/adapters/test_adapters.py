@@ -9,7 +9,20 @@ import numpy as np
 import pytest
 
 import qsmooth.adapters
-from qsmooth import Mesh, from_meshio, smooth, write_mesh
+from object_samples import POINTS, QUADS, X
+from qsmooth import (
+    Mesh,
+    MeshError,
+    Smoother,
+    compare,
+    from_meshio,
+    limits,
+    quality,
+    smooth,
+    to_meshio,
+    untangle,
+    write_mesh,
+)
 from qsmooth.adapters import adapters, as_mesh, back
 
 LIBRARIES = {
@@ -73,6 +86,53 @@ def test_anything_else_is_named(thing):
         as_mesh(thing)
 
 
+@pytest.mark.parametrize(
+    ("thing", "hint"), [("lake.msh", "read_mesh reads files"), ([*PAIR], "a pair is a tuple")]
+)
+def test_what_is_often_mistaken_for_a_mesh_is_told_how_to_become_one(thing, hint):
+    with pytest.raises(TypeError, match=rf"; got {type(thing).__name__}: {hint}$"):
+        smooth(thing)
+
+
+def test_a_result_is_told_from_its_mesh():
+    with pytest.raises(TypeError, match=r"; got SmoothResult: its mesh is result\.mesh$"):
+        limits(smooth(PAIR, "laplacian", max_sweeps=0))
+
+
+def test_everything_that_takes_a_mesh_takes_what_z_means():
+    bent = np.column_stack([POINTS, X**2]), QUADS
+    mesh = as_mesh(bent, surface="flat")
+    with pytest.raises(MeshError, match="use surface='flat'"):
+        quality(bent)
+    same = {"surface": "flat"}
+    assert np.array_equal(quality(bent, **same).min_angle, quality(mesh).min_angle)
+    assert limits(bent, **same) == limits(mesh)
+    for made in (
+        smooth(bent, "laplacian", max_sweeps=2, **same),
+        untangle(bent, **same),
+        compare(bent, ["laplacian"], max_sweeps=2, **same)[0]["laplacian"],
+        Smoother(bent, "laplacian", max_sweeps=2, **same)(bent[0]),
+    ):
+        assert made.mesh.surface == "flat"
+        assert made.after.n_invalid == 0
+    assert (made.points[:, 2] != bent[0][:, 2]).any()
+
+
+def test_a_mesh_may_be_taken_in_another_way():
+    tilted = np.column_stack([POINTS, X])
+    mesh = Mesh(tilted, QUADS, regions=np.arange(len(QUADS)), fixed=[6])
+    flat = as_mesh(mesh, surface="flat")
+    assert (mesh.plane is not None, flat.plane, flat.surface) == (True, None, "flat")
+    assert np.array_equal(flat.regions, mesh.regions)
+    assert flat.is_fixed[6]
+    assert as_mesh(flat) is flat
+    assert as_mesh(mesh) is mesh
+    level = Mesh(POINTS, QUADS)
+    assert as_mesh(level, surface="flat") is level
+    with pytest.raises(ValueError, match="surface must be 'auto' or 'flat'"):
+        as_mesh(level, surface="round")
+
+
 def test_a_module_is_all_that_an_adapter_takes(toy):
     given = {"toy": PAIR[0], "cells": PAIR[1], "colour": "red"}
     mesh = as_mesh(given)
@@ -120,4 +180,7 @@ def test_writing_says_how_an_object_becomes_a_mesh(tmp_path):
     given = meshio.Mesh(np.array(PAIR[0]), [("quad", np.array(PAIR[1]))])
     with pytest.raises(TypeError, match=r"as_mesh\(\) takes meshes of other libraries"):
         write_mesh(tmp_path / "out.vtu", given)
+    with pytest.raises(TypeError, match=r"as_mesh\(\) takes meshes of other libraries"):
+        to_meshio(given)
+    assert len(to_meshio(PAIR).points) == 4
     write_mesh(tmp_path / "out.vtu", as_mesh(given))

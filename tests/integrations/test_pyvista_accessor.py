@@ -61,6 +61,15 @@ def test_quality_is_an_array_at_cells_in_the_order_of_the_dataset(grid):
     assert set(grid.qsmooth.quality().cell_data) >= {"min_angle", "max_angle"}
 
 
+def test_degrees(grid):
+    grid.points[:, :2] = 0.1 * POINTS + [10.0, 54.0]
+    new = grid.qsmooth.quality("min_angle", geographic=True)
+    kept = new["min_angle"][new.celltypes == 9]
+    assert np.array_equal(kept, quality(grid, geographic=True).min_angle)
+    assert not np.array_equal(kept, quality(grid).min_angle)
+    assert quality(grid.qsmooth.smooth("star", geographic=True)).n_invalid == 0
+
+
 def test_third_coordinate_as_a_value(grid):
     grid.points[:, 2] = POINTS[:, 0] ** 2
     new = grid.qsmooth.smooth("star", max_sweeps=1, surface="flat", carry="keep")

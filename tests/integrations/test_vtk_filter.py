@@ -118,7 +118,7 @@ def test_texts_stand_for_values_and_none():
     one.SetKeepInterfaces(0)
     assert one.GetKeepInterfaces() is False
     one.SetInterpolate("bed,flow")
-    assert one.GetInterpolate() == ("bed,flow",)
+    assert one.GetInterpolate() == ("bed", "flow")
     star = vtk_filter.StarFilter()
     star.SetSplitQuads("False")
     assert star.GetSplitQuads() is False

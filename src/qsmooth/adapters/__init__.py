@@ -17,6 +17,21 @@ from qsmooth.mesh import Mesh, Surface
 
 __all__ = ["adapters", "as_mesh", "back"]
 
+# What is often given in place of a mesh, and how to get at the mesh that it has.
+HINTS = {
+    "str": "read_mesh reads files",
+    "PosixPath": "read_mesh reads files",
+    "WindowsPath": "read_mesh reads files",
+    "list": "a pair is a tuple",
+    "SmoothResult": "its mesh is result.mesh",
+    "ImageData": "cast_to_structured_grid() makes one",
+    "RectilinearGrid": "cast_to_structured_grid() makes one",
+    "MultiBlock": "combine() makes one",
+    "UgridDataset": "its grid is ugrid.grid",
+    "UgridDataArray": "its grid is ugrid.grid",
+    "MeshKernel": "its mesh is mesh2d_get()",
+}
+
 
 class Adapter(Protocol):
     """What the module of a library has."""
@@ -63,7 +78,8 @@ def as_mesh(obj: Any, *, surface: Surface = "auto", geographic: bool | None = No
         model; a ``MeshTri`` or ``MeshQuad`` of scikit-fem; a ``Triangulation`` of matplotlib; a
         ``Ugrid2d`` of xugrid; a ``Mesh2d`` of MeshKernel; a ``Mesh`` of meshio. It is not changed.
     surface
-        What a third coordinate means, see `Mesh`; a `Mesh` has had that said already.
+        What a third coordinate means, see `Mesh`: ``"flat"`` for a depth, say; ``"auto"`` leaves a
+        `Mesh` as it is.
     geographic
         Whether x and y are longitudes and latitudes, see `Mesh`; None for what it says itself.
 
@@ -81,7 +97,7 @@ def as_mesh(obj: Any, *, surface: Surface = "auto", geographic: bool | None = No
     >>> result.back().plot()  # a PolyData again
     """
     if isinstance(obj, Mesh):
-        return obj.with_geographic(geographic)
+        return obj.taken_as(surface, geographic)
     if isinstance(obj, tuple) and len(obj) == 2:
         return Mesh(*obj, surface=surface, geographic=bool(geographic)).with_origin(obj)
     flat: Surface = "flat" if geographic else surface
@@ -111,4 +127,6 @@ def _adapter(obj: object) -> Adapter:
         if adapter.accepts(obj):
             return adapter
     known = ", ".join(adapter.NAME for adapter in adapters())
-    raise TypeError(f"expected a Mesh, a pair (points, cells) or {known}; got {type(obj).__name__}")
+    given = type(obj).__name__
+    hint = f": {HINTS[given]}" if given in HINTS else ""
+    raise TypeError(f"expected a Mesh, a pair (points, cells) or {known}; got {given}{hint}")

@@ -10,7 +10,7 @@ import numpy as np
 
 from qsmooth.io.file_content import FileContent, of_mesh
 from qsmooth.io.via_meshio import content_of, meshio_of
-from qsmooth.mesh import Mesh, Surface
+from qsmooth.mesh import Mesh, MeshLike, Surface, plain_mesh
 
 if TYPE_CHECKING:
     import meshio
@@ -58,6 +58,12 @@ def from_meshio(mesh: meshio.Mesh, *, surface: Surface = "auto") -> Mesh:
     return content_of(mesh).to_mesh(surface).with_origin(mesh)
 
 
-def to_meshio(mesh: Mesh) -> meshio.Mesh:
-    """Make a mesh for meshio, with everything its file or its meshio mesh held."""
-    return meshio_of(of_mesh(mesh))
+def to_meshio(mesh: MeshLike) -> meshio.Mesh:
+    """Make a mesh for meshio, with everything its file or its meshio mesh held.
+
+    Raises
+    ------
+    TypeError
+        If it is a mesh of another library: `as_mesh` takes these.
+    """
+    return meshio_of(of_mesh(plain_mesh(mesh)))

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pyvista
 
-from qsmooth.adapters import as_mesh
 from qsmooth.adapters.vtk_dataset import face_cells
 from qsmooth.mesh import Surface
 from qsmooth.methods.base import Method
@@ -42,14 +41,18 @@ class Accessor:
         surface
             What the third coordinate means, see `qsmooth.Mesh`.
         """
-        return smooth(as_mesh(self._dataset, surface=surface), method, **options).back()
+        return smooth(self._dataset, method, surface=surface, **options).back()
 
     def untangle(self, *, surface: Surface = "auto", **options: Any) -> Any:
         """Give a copy that is valid, or nearer to it; see `qsmooth.untangle`."""
-        return untangle(as_mesh(self._dataset, surface=surface), **options).back()
+        return untangle(self._dataset, surface=surface, **options).back()
 
     def quality(
-        self, metrics: str | Sequence[str] | None = None, *, surface: Surface = "auto"
+        self,
+        metrics: str | Sequence[str] | None = None,
+        *,
+        surface: Surface = "auto",
+        geographic: bool | None = None,
     ) -> Any:
         """Give a copy with an array for each metric at its cells, and ``validity``.
 
@@ -59,10 +62,10 @@ class Accessor:
         ----------
         metrics
             Names, in a sequence or with commas between, or ``"all"``; by default the short list.
-        surface
+        surface, geographic
             As of `smooth`.
         """
-        found = quality(as_mesh(self._dataset, surface=surface))
+        found = quality(self._dataset, surface=surface, geographic=geographic)
         new = self._dataset.copy(deep=True)
         cells = face_cells(new)
         for name in parse_metrics(metrics):

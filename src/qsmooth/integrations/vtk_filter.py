@@ -132,9 +132,9 @@ def _value(spec: Spec, given: Any) -> Any:
             return float(given) if spec.kind == "number" else int(given)
         except ValueError:
             return given  # which the option refuses in its own words
-    if spec.repeats:
-        return (given,)  # the mesh says where commas stand between names
-    return given if spec.parse is None else spec.parse(given)
+    if spec.parse is None:
+        return given
+    return spec.parse([part.strip() for part in given.split(",")] if spec.repeats else given)
 
 
 def _camel(name: str) -> str:

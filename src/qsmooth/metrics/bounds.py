@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from qsmooth._types import BoolArray, FloatArray
 from qsmooth.adapters import as_mesh
+from qsmooth.mesh import Surface
 from qsmooth.metrics.quality import Quality, quality
 from qsmooth.notebook import page
 from qsmooth.table import Row, Section, Table
@@ -46,6 +47,8 @@ class Limits:
         Which vertices set the limit by staying where they are, in words, as in "fixed boundary
         vertices"; of several the first without which it would be another, what the mesh itself
         keeps first. "" where none does: the count of cells around a vertex, or the angle sum.
+    quality
+        Metrics of the mesh, which notebooks draw; None where the limits are those that a run tells.
     """
 
     min_angle: float
@@ -56,10 +59,13 @@ class Limits:
     reached_max_angle: float
     min_angle_set_by: str = ""
     max_angle_set_by: str = ""
+    quality: Quality | None = field(default=None, repr=False, compare=False)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers, fit for JSON."""
-        return asdict(self)
+        plain = asdict(replace(self, quality=None))
+        del plain["quality"]
+        return plain
 
     def __repr__(self) -> str:
         return (
@@ -69,7 +75,7 @@ class Limits:
         )
 
     def _repr_html_(self) -> str:
-        """Show a table in a notebook."""
+        """Show a table and a picture in a notebook."""
         rows = tuple(
             Row(f"{which} angle", (f"{now:.2f}°", f"{best:.2f}°", where.lstrip(",; ")))
             for which, now, best, where in (
@@ -80,7 +86,8 @@ class Limits:
             )
         )  # fmt: skip
         columns = "Now", "Best of any placement", "Limited by"
-        return page("Limits of the angles", Table(columns, (Section("", rows),)))
+        pictures = [] if self.quality is None else [self.quality.picture()]
+        return page("Limits of the angles", Table(columns, (Section("", rows),)), pictures)
 
     def __str__(self) -> str:
         return "\n".join(
@@ -100,6 +107,7 @@ def limits(
     *,
     keep_interfaces: bool = True,
     movable: npt.ArrayLike | None = None,
+    surface: Surface = "auto",
     geographic: bool | None = None,
 ) -> Limits:
     """Bound the smallest and the largest angle that any placement of the vertices can have.
@@ -115,8 +123,8 @@ def limits(
         count as free to go anywhere. That holds of vertices that slide, too, but is not the best
         that can be said of them: the limits that `optimize` tells, and those that the shell shows
         of every method, know how far edges along the boundary can turn.
-    geographic
-        Whether x and y are longitudes and latitudes in degrees; by default what the mesh says.
+    surface, geographic
+        What the coordinates mean, see `Mesh`; by default what the mesh says.
 
     Returns
     -------
@@ -129,7 +137,7 @@ def limits(
     ValueError
         If `movable` is no such mask.
     """
-    mesh = as_mesh(mesh, geographic=geographic)
+    mesh = as_mesh(mesh, surface=surface, geographic=geographic)
     topology = mesh.topology
     kept = [*kept_by(topology, keep_interfaces)]
     if movable is None:
@@ -143,7 +151,8 @@ def limits(
             )
         free = free & topology.used
         kept.append(("vertices that may not move", ~free))
-    return angle_limits(topology, mesh.xy, free, quality(mesh), kept)
+    now = quality(mesh)
+    return replace(angle_limits(topology, mesh.xy, free, now, kept), quality=now)
 
 
 def kept_by(topology: Topology, keep_interfaces: bool) -> list[Kept]:

@@ -15,6 +15,7 @@ from qsmooth._types import FloatArray, IndexArray
 from qsmooth._words import plural
 from qsmooth.adapters import as_mesh
 from qsmooth.checks import read_only
+from qsmooth.mesh import Surface
 from qsmooth.metrics.histogram import count_by_bins
 from qsmooth.metrics.registry import METRICS, find_metric, parse_metrics, unknown
 from qsmooth.metrics.summary import Summary, WorstCells, figure_sections, size_text
@@ -334,13 +335,15 @@ class Quality:
         return data_frame(columns, np.arange(self.topology.n_cells), "cell")
 
 
-def quality(mesh: Any, *, geographic: bool | None = None) -> Quality:
+def quality(mesh: Any, *, surface: Surface = "auto", geographic: bool | None = None) -> Quality:
     """Measure every cell of a mesh.
 
     Parameters
     ----------
     mesh
         A `Mesh`, a pair ``(points, cells)``, or what `as_mesh` takes.
+    surface
+        What a third coordinate means, see `Mesh`; by default what the mesh says.
     geographic
         Whether x and y are longitudes and latitudes in degrees, see `Mesh`: then angles are the
         true ones, lengths in metres. By default what the mesh says.
@@ -358,7 +361,7 @@ def quality(mesh: Any, *, geographic: bool | None = None) -> Quality:
     MeshError
         If a pair is no mesh.
     """
-    mesh = as_mesh(mesh, geographic=geographic)
+    mesh = as_mesh(mesh, surface=surface, geographic=geographic)
     key = id(mesh.topology), id(mesh.points)
     found = _measured.get(key)
     if found is None:

@@ -120,6 +120,16 @@ class WorstCells:
     centres: FloatArray
     values: dict[str, FloatArray]
 
+    def __repr__(self) -> str:
+        if not len(self.cells):
+            return f"WorstCells({self.metric}: none)"
+        text, ranked = METRICS[self.metric].text, self.values[self.metric]
+        worst, last = text(float(ranked[0])), text(float(ranked[-1]))
+        return (
+            f"WorstCells({plural(len(self.cells), 'cell')} by {self.metric}, {worst} to {last}; "
+            f"the worst is cell {self.cells[0]})"
+        )
+
     def to_dict(self) -> list[dict[str, Any]]:
         """One plain dict a cell, fit for JSON."""
         return [

@@ -52,6 +52,12 @@ class StepRecord:
     untangled: bool
     rests: bool
 
+    def __repr__(self) -> str:
+        return (
+            f"StepRecord(valid={self.valid}, scaled_jacobian={self.scaled_jacobian:.4f}, "
+            f"sweeps={self.sweeps}, untangled={self.untangled}, rests={self.rests})"
+        )
+
 
 class Stepper:
     """Steps of a method on one mesh, from coordinates in the order inside.
