@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from meshes import rough_grid
+from outlines import ring
 from qsmooth import (
     Mesh,
     Smoother,
@@ -206,6 +207,62 @@ def test_steps_of_a_session_are_in_degrees():
     assert np.array_equal(moving[stay], degrees[stay])
     assert 1e-6 < np.abs(moving - degrees).max() < 1.0
     assert quality(mesh.with_points(moving)).min_angle.min() > quality(mesh).min_angle.min()
+
+
+def test_steps_slide_along_a_curve_in_degrees_whose_ends_the_host_moves():
+    flat = ring(20, 2, 0.6)
+    body = flat.is_boundary & (np.hypot(*flat.points.T) < 1.5)
+    corner, size = np.array([10.0, 50.0]), np.array([0.01 / math.cos(math.radians(50.0)), 0.01])
+
+    def onto(places):
+        there = (places - corner) / size
+        radius = np.hypot(*there.T)
+        return corner + size * there / radius[:, None] * np.where(radius < 1.5, 1, 2)[:, None]
+
+    angle = np.linspace(0.0, 2.0 * math.pi, 500)
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    circle[-1] = circle[0]
+    c, s = math.cos(0.05), math.sin(0.05)
+    turn = np.array([[c, s], [-s, c]])
+    for curve in ([corner + size * circle, corner + 2.0 * size * circle], onto):
+        points = corner + size * flat.points
+        mesh = Mesh(points, flat.cells, geographic=True)
+        smoother = Smoother(mesh, "star", boundary="slide", curve=curve)
+        slid = 0
+        for _ in range(3):
+            points[body] = corner + size * ((points[body] - corner) / size @ turn)
+            before = points.copy()
+            assert smoother.step(points).valid
+            slid += (points != before).any(axis=1)[body].sum()
+        assert slid > 30
+        radius = np.hypot(*((points - corner) / size).T)[mesh.is_boundary]
+        assert np.abs(radius - np.where(radius < 1.5, 1.0, 2.0)).max() < 1e-4
+
+
+def test_steps_keep_cells_valid_in_degrees():
+    """On the map a parallel is curved, and there is room between it and its chord."""
+    points = np.array([(-1.0, 50.0), (1.0, 50.0), (0.9, 49.9999), (0.0, 48.0)])
+    mesh = Mesh(points, [(0, 2, 1), (0, 3, 2), (3, 1, 2)], geographic=True)
+    smoother = Smoother(mesh, "star", directions=(-0.9 * math.cos(math.radians(50.0)), 0.0031))
+    smoother.step(points)
+    assert points[2, 1] < 50.0
+    assert np.array_equal(points, mesh.points)
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, 95.0, 1e200])
+def test_a_step_to_what_are_no_degrees_changes_nothing(wrong):
+    points, (quads,) = rough_grid(4)
+    mesh = Mesh(points, quads, geographic=True)
+    smoother, again = Smoother(mesh, "star"), points.copy()
+    bad = points.copy()
+    bad[7, 1] = wrong
+    given = bad.copy()
+    with pytest.raises(MeshError, match="vertex 7"):
+        smoother.step(bad)
+    assert np.array_equal(bad, given, equal_nan=True)
+    smoother.step(points)
+    Smoother(mesh, "star").step(again)
+    assert np.array_equal(points, again)
 
 
 @pytest.mark.nojit

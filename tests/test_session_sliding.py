@@ -10,11 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from outlines import MESHES, bay, check_slid, crossings, is_on, ring, sides
+from outlines import MESHES, bay, check_slid, crossings, distance, is_on, ring, sides
 from promises import invalid_cells
 from qsmooth import Mesh, Optimize, Smoother, Star, Untangle, quality, transfer
 from qsmooth.examples import jittered
 from qsmooth.numbering import numbered
+from qsmooth.optimizer.step_slides import layout_of
 from qsmooth.registry import all_methods
 
 every_method = pytest.mark.parametrize("known", all_methods().values(), ids=all_methods())
@@ -190,6 +191,28 @@ def test_untangling_slides_where_moving_the_others_is_not_enough():
         check_slid(mesh, points, 0.01)
 
 
+def test_sweeps_go_on_from_where_untangling_has_slid_vertices_to():
+    lower = [(0.0, 0.0), (1.0, 0.15), (2.0, 0.0)]
+    upper = [(0.0, 0.2), (0.2, 0.2), (2.0, 0.2)]
+    mesh = Mesh(lower + upper, [[0, 1, 4, 3], [1, 2, 5, 4]])
+    points, again = mesh.points.copy(), mesh.points.copy()
+    options = {"boundary": "slide", "fixed": [1]}
+    assert Smoother(mesh, "star", **options).step(points).untangled
+    Smoother(mesh, Untangle(**options)).step(again)
+    # The line is straight: it is the same, laid through where the vertex is now.
+    assert not Smoother(mesh, "star", **options).step(again).untangled
+    assert np.abs(points - again).max() < 1e-12
+
+
+def test_corners_of_a_step_are_by_the_angle_that_is_asked_for():
+    mesh, top = shore(0.5)
+    for angle, slide in ((40.0, 6), (60.0, 7)):
+        points = mesh.points.copy()
+        Smoother(shore(0.0)[0], "star", boundary="slide", corner_angle=angle).step(points)
+        assert (points != mesh.points).any(axis=1)[top].sum() >= slide
+        assert (points[top[4]] != mesh.points[top[4]]).any() == (angle > 54.0)
+
+
 def test_neither_threads_nor_numbering_change_a_bit():
     mesh = bay(10, 0.7)
     found = []
@@ -227,6 +250,24 @@ def test_in_a_tilted_plane():
     back = (points - (3.0, -2.0, 7.0)) @ turn
     assert np.abs(back[:, :2] - flat_points).max() < 1e-3
     assert np.abs(back[:, 2]).max() < 1e-12
+
+
+def test_in_a_tilted_plane_the_outline_stays_however_often_it_is_untangled():
+    """As they are rounded in space, vertices are beside the lines that they came along."""
+    flat = bay(8, 0.6)
+    turn = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
+    mesh = Mesh(np.column_stack([flat.points, np.zeros(flat.n_vertices)]) @ turn.T, flat.cells)
+    points, smoother = mesh.points.copy(), Smoother(mesh, "star", boundary="slide")
+    inside, rng, untangled = np.flatnonzero(~flat.is_boundary), np.random.default_rng(3), 0
+    for _ in range(12):
+        points[rng.choice(inside)] += turn[:, :2] @ rng.uniform(-0.4, 0.4, 2)
+        untangled += smoother.step(points).untangled
+    assert untangled > 8
+    back = (points @ turn)[:, :2]
+    assert (np.abs(back - flat.points) > 1e-3).any(axis=1)[flat.is_boundary].sum() > 20
+    for v in np.flatnonzero(flat.is_boundary):
+        off = min(distance(back[v], *flat.xy[list(side)])[0] for side in sides(flat))
+        assert off < 1e-14
 
 
 # ------------------------------------------------------------------------------- curves
@@ -282,6 +323,77 @@ def test_a_curve_beside_one_shore_alone():
     assert np.abs(off).max() < 1e-5
     assert again.step(other).valid
     assert other.tobytes() == points.tobytes()
+
+
+def on_coast(x):
+    return np.stack([x, 1.0 + 0.1 * np.sin(2.0 * np.pi * x)], axis=1)
+
+
+def test_chains_on_a_curve_beside_others_are_where_their_vertices_are():
+    mesh = bay(10, 0.5)
+    method = Star(boundary="slide", curve=on_coast(np.linspace(0.0, 1.0, 300)), fixed="x < 0.3")
+    freedom, own = layout_of(method.resolved(mesh), mesh)
+    chains = freedom.chains
+    assert own.any()
+    assert not own.all()
+    way = chains.nodes[chains.segments + 1] - chains.nodes[chains.segments]
+    places = chains.nodes[chains.segments] + chains.fractions[:, None] * way
+    assert np.abs(places - mesh.xy[chains.vertices]).max() < 1e-4
+    sliding = chains.sliding(mesh.n_vertices)
+    assert freedom.movable[sliding].all()
+    assert not (sliding & (mesh.xy[:, 0] < 0.3)).any()
+
+
+@pytest.mark.parametrize("by", [-0.02, 0.02])
+def test_what_the_host_moves_along_a_curve_goes_on_from_there(by):
+    mesh, coast = bay(10, 0.5), on_coast(np.linspace(0.0, 1.0, 300))
+    points = mesh.points.copy()
+    smoother = Smoother(mesh, "star", boundary="slide", curve=coast, max_move=0.004)
+    smoother.step(points)
+    moved = (points != mesh.points).any(axis=1) & mesh.is_boundary
+    v = next(v for v in np.flatnonzero(moved) if 0.35 < points[v, 0] < 0.65 and points[v, 1] > 0.9)
+    points[v] = on_coast(points[v, :1] + by)
+    before = points[v].copy()
+    assert smoother.step(points).valid
+    assert 0.0 < np.linalg.norm(points[v] - before) <= 0.004
+    assert any(is_on(points[v], *coast[k : k + 2]) for k in range(len(coast) - 1))
+
+
+def test_a_function_is_asked_again_only_where_the_host_has_moved_ends():
+    calls, (mesh, body, _) = [], body_in_ring()
+
+    def curve(places):
+        calls.append(len(places))
+        return onto_circles(places)
+
+    points, smoother = mesh.points.copy(), Smoother(mesh, "star", boundary="slide", curve=curve)
+    smoother.step(points)
+    points[body] = points[body] @ np.array([[0.99875, 0.04998], [-0.04998, 0.99875]])
+    known = len(calls)
+    smoother.step(points)
+    assert len(calls) == known + 2
+    for _ in range(3):
+        points[~mesh.is_boundary] += 1e-4
+        assert smoother.step(points).sweeps
+    assert len(calls) == known + 2
+
+
+def test_what_the_host_takes_from_its_curve_slides_along_the_outline():
+    mesh = bay(10, 0.4, height=0.0)
+    top = np.flatnonzero(mesh.points[:, 1] == 1.0)
+    x = np.linspace(0.0, 1.0, 300)
+    points = mesh.points.copy()
+    smoother = Smoother(mesh, "star", boundary="slide", curve=np.stack([x, 0.0 * x + 1.0], axis=1))
+    smoother.step(points)
+    points[:, 1] *= 0.7  # farther from the curve than its edges are long
+    smoother.step(points)
+    order = top[np.argsort(points[top, 0])]
+    points[order[3:8], 1] += 0.01
+    line = points[order].copy()
+    for _ in range(3):
+        assert smoother.step(points).valid
+    for v in order:
+        assert any(is_on(points[v], *line[k : k + 2]) for k in range(10))
 
 
 # ------------------------------------------------------------------------------- z
@@ -352,12 +464,13 @@ def test_z_where_the_mesh_is_folded():
     """No walk leads through cells that are folded: then all cells are looked through."""
     flat = jittered(8, 8, seed=2)
     points = with_bed(flat, linear).points.copy()
-    points[40] = points[30] + (0.01, 0.02, 0.07)  # over other cells
+    points[40] = points[20] + (0.01, 0.02, 0.07)  # over other cells
+    points[0, 2] = np.nan  # known there it need not be
     given_points = points.copy()
     assert Smoother(with_bed(flat, linear)).step(points).untangled
     before, after = ((p[:, :2], flat.cells) for p in (given_points, points))
     wanted = transfer(before, after, given_points[:, 2])
-    assert np.allclose(points[:, 2], wanted, rtol=1e-12, atol=1e-12)
+    assert np.allclose(points[:, 2], wanted, rtol=1e-12, atol=1e-12, equal_nan=True)
 
 
 def test_z_is_kept_where_that_is_asked_for():

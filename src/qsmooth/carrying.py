@@ -159,7 +159,9 @@ class Depths:
         if n_lost:
             # Far beyond the boundary, or where the mesh was folded: among all cells.
             lost = self._lost[:n_lost]
-            located = at_vertices(self._mesh.with_points(points), places[lost], lost, 1)
+            there = points.copy()
+            there[:, 2] = 0.0  # at some vertices it may be no number
+            located = at_vertices(self._mesh.with_points(there), places[lost], lost, 1)
             fresh[lost] = located.onto(self._given[:, None], lost)[lost, 0]
         return fresh
 

@@ -289,7 +289,7 @@ class Constraints(Options):
             boundary=self.boundary == "slide",
             interfaces=self.interfaces == "slide",
             corner_angle=self.corner_angle,
-            curve=_on_map(self.curve, mesh.projection),
+            curve=on_map(self.curve, mesh.projection),
         )
 
     def _by_edge(self, mesh: Mesh, shares: FloatArray | None) -> FloatArray | None:
@@ -329,7 +329,7 @@ def _rounding(mesh: Mesh) -> float:
     return 0.0 if mesh.plane is None else ROUNDING * float(np.abs(mesh.points).max())
 
 
-def _on_map(curve: Curve | None, projection: Projection | None) -> Curve | None:
+def on_map(curve: Curve | None, projection: Projection | None) -> Curve | None:
     """Put a curve of longitudes and latitudes on the map in which a mesh of these is measured."""
     if curve is None or projection is None:
         return curve

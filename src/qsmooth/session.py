@@ -10,14 +10,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from qsmooth._types import FloatArray
+from qsmooth._types import BoolArray, FloatArray
 from qsmooth.adapters import as_mesh
 from qsmooth.carrying import Depths
 from qsmooth.checks import checked_points
 from qsmooth.constraints import Constraints
 from qsmooth.errors import MeshError
+from qsmooth.geographic import require_degrees
 from qsmooth.mesh import Mesh, Surface
 from qsmooth.methods.base import Method
+from qsmooth.methods.driver import valid_in_degrees
 from qsmooth.optimizer.ground import Meant
 from qsmooth.optimizer.method import Optimize
 from qsmooth.optimizer.reading import meant_by, reading_of
@@ -246,6 +248,7 @@ class _Tables:
         self._depths = Depths(mesh) if has_depth and method.carry == "interpolate" else None
         self._column, self._unused = np.empty(n), ~mesh.topology.used
         self._first = int(np.argmax(mesh.topology.used))
+        self._sizes = np.diff(mesh.cell_offsets)
 
     def step(self, points: FloatArray, out: FloatArray, most: int) -> StepRecord:
         """As `Smoother.step`."""
@@ -304,18 +307,32 @@ class _Tables:
             assert space is not None
             np.matmul(moves, plane.axes, out=space)
             np.add(given, space, out=out, where=moved[:, None])
-        was_invalid = stepper.figures.invalid()
+        was_invalid, put_back = stepper.figures.invalid(), False
+        were_valid = self._valid_in_degrees(given)
         while True:
             broken = stepper.go_on_from(self._come_in(out), was_invalid)
+            lost = were_valid & ~self._valid_in_degrees(out)
+            broken = np.union1d(broken, self._mesh.cell_vertices[np.repeat(lost, self._sizes)])
             broken = broken[moved[broken]]
             if not broken.size:
-                return stepper.record(record.sweeps, record.untangled)
-            out[broken], moved[broken] = given[broken], False
-            stepper.forget_lines()
+                break
+            out[broken], moved[broken], put_back = given[broken], False, True
+        if put_back:
+            stepper.go_on_along_lines()
+        return stepper.record(record.sweeps, record.untangled)
+
+    def _valid_in_degrees(self, points: FloatArray) -> BoolArray:
+        """Mark the cells that are valid as they lie in degrees; none where that is not asked."""
+        if self._mesh.projection is None or not self.stepper.guards:
+            return np.zeros(self._mesh.n_cells, np.bool_)
+        return valid_in_degrees(self._mesh, points)
 
     def _require_plane(self, points: FloatArray) -> None:
-        """Raise a `MeshError` where points have left the plane of the mesh."""
+        """Raise a `MeshError` where points have left the plane of the mesh, or the globe."""
         mesh, plane = self._mesh, self._mesh.plane
+        if mesh.projection is not None:
+            checked_points(points[:, :2])
+            require_degrees(points)
         if mesh.points.shape[1] == 2 or mesh.surface == "flat":
             return
         if plane is None or self._space is None:

@@ -130,6 +130,25 @@ def test_the_assembled_matrix_agrees_with_the_dense_sum(kind, targets):
     assert np.linalg.eigvalsh(dense)[0] >= -1e-12 * scale
 
 
+@pytest.mark.nojit
+@pytest.mark.parametrize("valence", [15, 16, 17, 33, 70])
+def test_the_blocks_of_a_long_row_are_found(valence):
+    """The hub of a fan is in one cell with all others."""
+    angle = 2.0 * math.pi * np.arange(valence) / valence
+    rim = np.random.default_rng(valence).permutation(valence + 1)
+    hub, rim = rim[0], rim[1:]
+    points = np.zeros((valence + 1, 2))
+    points[rim] = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    mesh = Mesh(points, [(hub, rim[k - 1], rim[k]) for k in range(valence)])
+    unknowns, offsets, _, gradient, dense = assembled(mesh, np.arange(valence + 1))
+    assert np.diff(offsets).max() == valence + 1
+    cells = reference.as_lists(mesh)
+    expected = slow.gradient_and_hessian(reference.as_complex(mesh.xy), cells, unknowns)
+    scale = np.abs(expected[1]).max()
+    np.testing.assert_allclose(gradient.ravel(), expected[0], rtol=0, atol=1e-11 * scale)
+    np.testing.assert_allclose(dense, expected[1], rtol=0, atol=1e-11 * scale)
+
+
 @given(random_meshes(sizes=st.integers(2, 4)), st.integers(0, 2**32 - 1))
 def test_the_matrix_is_symmetric_and_semi_definite_and_the_step_points_downhill(made, seed):
     mesh = made.mesh

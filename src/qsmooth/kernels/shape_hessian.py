@@ -19,6 +19,8 @@ from qsmooth.kernels.aggregation import sorted_rows
 from qsmooth.kernels.corner_energy import Target
 
 ROOT_HALF = math.sqrt(0.5)
+# Among so many columns the one that is wanted is found quickest one by one.
+FEW = 16
 
 
 @kernel()
@@ -190,6 +192,21 @@ def take_back(
             hessian[i, j], hessian[i, j + 1] = l11 * x + l12 * y, l12 * x + l22 * y
 
 
+@helper()
+def _block_of(columns: TableArray, first: int, last: int, column: int) -> int:
+    """Find the block of a column in its row, from `first` to before `last`."""
+    low, high = first, last
+    while high - low > FEW:
+        middle = (low + high) // 2
+        if columns[middle] <= column:
+            low = middle
+        else:
+            high = middle
+    while columns[low] != column:
+        low += 1
+    return low
+
+
 @kernel()
 def assemble(
     xy: FloatArray,
@@ -270,9 +287,7 @@ def assemble(
                     column = unknown[ids[j]]
                     if column < 0:
                         continue
-                    low = offsets[row]
-                    while columns[low] != column:
-                        low += 1
+                    low = _block_of(columns, offsets[row], offsets[row + 1], column)
                     wj0, wj1 = weight[j, 0], weight[j, 1]
                     for d in range(2):
                         for e in range(2):

@@ -400,12 +400,28 @@ def _valid_in_each_plane(mesh: Mesh) -> list[BoolArray]:
     """Mark the valid cells as they are measured and, if other, in degrees."""
     found = [quality(mesh).validity == Validity.VALID]
     if mesh.projection is not None:
-        degrees = mesh.projection.unrolled(mesh.points)
-        longitudes, starts = degrees[mesh.cell_vertices, 0], mesh.cell_offsets[:-1]
-        spans = np.maximum.reduceat(longitudes, starts) - np.minimum.reduceat(longitudes, starts)
-        in_degrees = Quality(mesh.topology, degrees).validity == Validity.VALID
-        found.append(in_degrees | (spans > MOST_SPAN))
+        found.append(valid_in_degrees(mesh, mesh.points))
     return found
+
+
+def valid_in_degrees(mesh: Mesh, points: FloatArray) -> BoolArray:
+    """Mark the cells that are valid where straight edges are straight in degrees, (n_cells,).
+
+    Those around a pole or the globe, which are no cells in degrees, count as valid.
+
+    Parameters
+    ----------
+    mesh
+        Of longitudes and latitudes.
+    points : (n_vertices, 2) or (n_vertices, 3)
+        Where its vertices are.
+    """
+    assert mesh.projection is not None
+    degrees = mesh.projection.unrolled(points)
+    longitudes, starts = degrees[mesh.cell_vertices, 0], mesh.cell_offsets[:-1]
+    spans = np.maximum.reduceat(longitudes, starts) - np.minimum.reduceat(longitudes, starts)
+    valid = Quality(mesh.topology, degrees).validity == Validity.VALID
+    return np.asarray(valid | (spans > MOST_SPAN))
 
 
 def _improves(records: list[SweepRecord]) -> bool:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray
-from qsmooth.constraints import Freedom
+from qsmooth.constraints import Freedom, on_map
 from qsmooth.curves import line_of
 from qsmooth.kernels.rails import Rails
 from qsmooth.mesh import Mesh
@@ -120,10 +120,10 @@ class StepSlider(Slider):
         chains = layout.freedom.chains
         assert chains is not None
         super().__init__(mesh, inside, chains, layout.freedom.tolerance, rails)
-        self._own, self._method = layout.own, method
+        self._own, self._corner_angle = layout.own, method.corner_angle
+        self._curve = on_map(method.curve, mesh.projection)
         self._curved = np.flatnonzero(~layout.own)
         self._fresh = np.empty(layout.own.size, np.bool_)
-        self._forgotten = False
         self._end_places = inside.at_vertices(mesh.xy)[self._end_vertices]
 
     @cached_property
@@ -143,25 +143,18 @@ class StepSlider(Slider):
         from qsmooth.kernels.outline import fit_boxes, locate
         from qsmooth.kernels.slide_starts import start_outline
 
-        if self._forgotten:
-            changed = np.ones(changed.size, np.bool_)
-            self._forgotten = False
         if self._curved.size:
             self._follow_ends(xy)
         start_outline(
             xy, changed, self._outline, self.chains.offsets, self._own, self._chain_of,
-            self._method.corner_angle, self._fresh,
+            self._corner_angle, self._fresh,
         )  # fmt: skip
         if self._curved.size:
             locate(xy, self._outline, self.chains.ends[self._curved[self._fresh[self._curved]]])
         fit_boxes(xy, self._sides)
 
-    def forget(self) -> None:
-        """Lay all lines anew when a step starts next."""
-        self._forgotten = True
-
     def go_on(self, xy: FloatArray) -> None:
-        """Find out where the vertices are on the same lines, as untangling has moved them."""
+        """Find out where the vertices are on the same lines, as others have moved them."""
         from qsmooth.kernels.outline import fit_boxes, locate
 
         locate(xy, self._outline, self.chains.ends)
@@ -171,12 +164,11 @@ class StepSlider(Slider):
         """What a copy needs to go on from here; it does not depend on the order inside."""
         outline = self._outline
         places = outline.nodes, outline.segments, outline.fractions, outline.off, outline.free
-        copies = [of.copy() for of in (*places, self._own, self._end_places)]
-        return (*copies, self._forgotten)
+        return tuple(of.copy() for of in (*places, self._own, self._end_places))
 
     def restore(self, state: tuple[Any, ...]) -> None:
         """Go on from there."""
-        nodes, segments, fractions, off, free, self._own, self._end_places, self._forgotten = state
+        nodes, segments, fractions, off, free, self._own, self._end_places = state
         self.__dict__["_outline"] = self._outline._replace(
             nodes=nodes, segments=segments, fractions=fractions, off=off, free=free
         )
@@ -217,7 +209,7 @@ class StepSlider(Slider):
             start = segments[0]
             if chain in self._curved:
                 places = xy[outline.vertices[first : last + 1]]
-                line, which = line_of(places, self._method.curve)
+                line, which = line_of(places, self._curve)
                 nodes, segments, outline.fractions[first : last + 1], _ = line
                 start, self._own[chain] = 0, which < 0
             lines.append((nodes, segments - start))

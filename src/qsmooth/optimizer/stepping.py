@@ -152,6 +152,11 @@ class Stepper:
             resting.end_step()
         return self.record(sweeps, untangled)
 
+    @property
+    def guards(self) -> bool:
+        """Whether the method keeps valid cells valid."""
+        return self._method.guards
+
     def record(self, sweeps: int, untangled: bool) -> StepRecord:
         """Say how things are."""
         return StepRecord(
@@ -162,10 +167,10 @@ class Stepper:
             rests=not self.resting.any_awake,
         )
 
-    def forget_lines(self) -> None:
-        """Let vertices slide along the outline as the next step is given it."""
+    def go_on_along_lines(self) -> None:
+        """Find out where on the same lines vertices are that have been put back."""
         if self._slider is not None:
-            self._slider.forget()
+            self._slider.go_on(self.resting.xy)
 
     def go_on_from(self, xy: FloatArray, was_invalid: BoolArray) -> IndexArray:
         """Go to coordinates that differ by rounding, and wake nothing.
@@ -273,10 +278,6 @@ class Stepper:
         freedom, slider, topology = self._freedom, self._slider, self.inside.topology
         if slider is None:
             return freedom
-        if self.inside.mesh.plane is not None:
-            # As they are rounded in space, vertices are beside the lines that they came along.
-            slider.forget()
-            slider.start(self.resting.xy, self.resting.changed)
         chains = slider.chains_now()
         if not chains.inner.size:
             return freedom
