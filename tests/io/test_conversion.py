@@ -1,10 +1,14 @@
 """What goes from one format into another, and what is told of the rest."""
 
+import sys
+
 import numpy as np
 import pytest
 
 from qsmooth import Mesh, read_mesh, write_mesh
+from qsmooth.errors import MeshError
 from qsmooth.io import write_and_tell
+from qsmooth.io.missing import require
 
 GRID = """grid
 2 5
@@ -115,3 +119,9 @@ def test_xdmf_leaves_out_data_that_it_has_no_shape_for(tmp_path):
     assert "point data steps" in lost
     back = read_mesh(tmp_path / "a.xdmf", surface="flat")
     assert list(back.source.point_data) == ["bed"]
+
+
+def test_a_library_that_is_hidden_is_one_that_is_missing(monkeypatch):
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    with pytest.raises(MeshError, match=r"pip install 'qsmooth\[io\]'"):
+        require("h5py", "this")
