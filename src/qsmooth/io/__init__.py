@@ -138,7 +138,7 @@ def write_and_tell(path: PathLike, mesh: MeshLike, *, format: str | None = None)
         data = form.write(content)
         write_bytes(path, data)
         return tuple(content.losses(form.HOLDS))
-    return (*via_meshio.write(content, path, name), *content.extras)
+    return tuple(via_meshio.write(content, path, name))
 
 
 def format_of(path: PathLike, mesh: Mesh, *, format: str | None = None) -> str:
@@ -194,6 +194,8 @@ def _read(path: Path, name: str | None) -> FileContent:
     except Exception as error:  # a file can be wrong in more ways than a reader checks
         raise MeshError(f"no valid file of format {form.NAME} ({error!r})") from error
     content.format, content.data = form.NAME, data
+    beside = getattr(form, "in_degrees", None)
+    content.geographic = content.geographic or bool(beside and beside(path))
     return content
 
 

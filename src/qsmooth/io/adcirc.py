@@ -7,12 +7,13 @@ import re
 import numpy as np
 
 from qsmooth._types import BoolArray, IndexArray
+from qsmooth.io.adcirc_control import in_degrees as in_degrees
 from qsmooth.io.chains import boundary_edges, chains, is_island
 from qsmooth.io.file_content import Block, FileContent
 from qsmooth.io.text import Text, blanked, blocks_by_id, finish, integers, positions, rows_of
 
 NAME = "adcirc"
-ENDINGS = (".14", ".grd", ".gr3")
+ENDINGS = (".14", ".grd", ".gr3", ".ll")
 HOLDS = frozenset(("level", "line"))
 
 KINDS = {2: "line", 3: "triangle", 4: "quad"}

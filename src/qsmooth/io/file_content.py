@@ -276,6 +276,10 @@ class FileContent:
         lost = []
         if "level" in holds and self.tilted:
             lost.append("the tilt of the mesh's plane, as z is a value there")
+        if self.geographic and "geographic" not in holds:
+            lost.append("that x and y are degrees")
+        if "z" in holds and self.z_means and self.plain_points.shape[1] == 3:
+            lost.append("that z is a value")
         if not holds & {"z", "level"} and self.plain_points.shape[1] == 3:
             lost.append("z coordinates")
         for kind, name in (("line", "line"), ("vertex", "point")):

@@ -13,6 +13,7 @@ from qsmooth.io.registry import FolderFormat, Format, folder_formats, own_format
 WORDS = {
     "z": "z",
     "level": "z as a value",
+    "geographic": "degrees",
     "vertex": "point cells",
     "line": "line cells",
     "regions": "regions",

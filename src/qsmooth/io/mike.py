@@ -13,7 +13,7 @@ from qsmooth.io.text import Text, blocks_by_id, finish, integers, rows_of, runs
 
 NAME = "mike"
 ENDINGS = (".mesh",)
-HOLDS = frozenset(("level",))
+HOLDS = frozenset(("level", "geographic"))
 
 # EUM numbers, item and unit, in the newer header; the number of nodes; the projection.
 HEADER = re.compile(rb"\s*(?:\d+[ \t]+\d+[ \t]+)?(\d+)[ \t]+([^\s\d][^\r\n]*?)[ \t]*(?:[\r\n]|$)")
@@ -23,6 +23,7 @@ CODES = "mike:code"
 LAND = 1
 # What MIKE calls coordinates in no projection; EUM's bathymetry in metres.
 LOCAL, BATHYMETRY, METRES = "NON-UTM", 100079, 1000
+LON_LAT = "LONG/LAT"
 
 
 def sniff(head: bytes) -> bool:
@@ -54,7 +55,7 @@ def read(data: bytes) -> FileContent:
         np.ascontiguousarray(table[:, 1:4]),
         blocks_by_id(integers(table[:, 0], "node"), blocks),
         point_data={CODES: codes},
-        extras=() if projection == LOCAL else (f"projection {projection}",),
+        extras=() if projection.upper() in (LOCAL, LON_LAT) else (f"projection {projection}",),
         geographic=_is_geographic(projection),
         z_means="height",
         slots=text.slots(firsts[:, None] + np.arange(1, 4)),
@@ -63,7 +64,7 @@ def read(data: bytes) -> FileContent:
 
 
 def _is_geographic(projection: str) -> bool:
-    return projection.upper().startswith(("LONG/LAT", "GEOGCS"))
+    return projection.upper().startswith((LON_LAT, "GEOGCS"))
 
 
 def _elements(text: Text, rows: IndexArray) -> tuple[list[Block], list[IndexArray]]:
@@ -103,7 +104,7 @@ def write(content: FileContent) -> bytes:
     codes = np.asarray(others.pop(CODES, codes)).astype(np.int64)
     content.point_data = others  # what is lost
     xyz = np.column_stack((content.points[:, :2], content.z("height")))
-    projection = "LONG/LAT" if content.geographic else LOCAL
+    projection = LON_LAT if content.geographic else LOCAL
     lines = [f"{BATHYMETRY} {METRES} {n} {projection}"]
     lines += rows_of(np.arange(1, n + 1), xyz, codes)
     faces = [cells for cells, _ in content.counter_clockwise()]

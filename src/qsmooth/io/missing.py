@@ -15,7 +15,11 @@ def require(library: str, what: str) -> None:
     MeshError
         Saying how to install it.
     """
-    if find_spec(library) is None:
+    try:
+        found = find_spec(library) is not None
+    except (ImportError, ValueError):  # by a finder, or by None in sys.modules
+        found = False
+    if not found:
         raise lacking(library, what)
 
 

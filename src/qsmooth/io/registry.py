@@ -23,10 +23,11 @@ NAMES = ("NAME", "ENDINGS", "HOLDS", "sniff", "read", "write")
 class Format(Protocol):
     """What the module of a format has.
 
-    Four more names may be there. ``WRITES``, True if it is not: whether it writes new files.
+    Five more names may be there. ``WRITES``, True if it is not: whether it writes new files.
     ``PRIORITY``, 0 if it is not: of the formats that share an ending
     the one with the highest is asked first whether a file is its own, and is the one written.
     ``REPLACES``, ``(NAME,)`` if it is not: meshio's names for the format, which are then left out.
+    ``in_degrees``: whether what lies beside a file, by its path, says that it is in degrees.
     ``ONLY``, None if it is not: the one type of cell, "triangle" or "quad", that it can hold.
     """
 

@@ -27,7 +27,7 @@ from qsmooth.io.ugrid_writing import composed
 
 NAME = "ugrid-netcdf"  # meshio has another format of the name ugrid
 ENDINGS = (".nc",)
-HOLDS = frozenset(("z", "regions", "point_data", "cell_data"))
+HOLDS = frozenset(("level", "geographic", "regions", "point_data", "cell_data"))
 REPLACES = ()
 
 # Deltares' names before there were topologies to name them.

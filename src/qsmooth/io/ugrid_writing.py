@@ -41,7 +41,7 @@ def composed(content: FileContent) -> bytes:
     found[f"{MESH}_edge_nodes"] = Stored((EDGE, TWO), _indices("edge"), edges.astype(">i4"))
     if content.plain_points.shape[1] == 3:
         about = {**_about("node"), "standard_name": "altitude"}
-        found[f"{MESH}_node_z"] = Stored((NODE,), about, content.points[:, 2].astype(">f8"))
+        found[f"{MESH}_node_z"] = Stored((NODE,), about, content.z("height").astype(">f8"))
     for name, values in content.point_data.items():
         _put(found, dims, name, np.asarray(values), NODE, "node")
     of_faces = [b for b, (kind, _) in enumerate(content.blocks) if kind in FACES]

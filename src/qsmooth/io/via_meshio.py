@@ -9,6 +9,7 @@ import re
 import sys
 import warnings
 from collections.abc import Iterator, Set
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,6 +33,18 @@ SEVERAL_FILES = frozenset(("tetgen", "xdmf"))
 ALONE = {"xdmf": {"data_format": "XML"}}
 # Of these meshio knows tetrahedra only.
 SOLID = frozenset(("cgns",))
+# What these hold is one block of each type of cell.
+ONE_BLOCK = frozenset(("med", "ugrid"))
+# What only the content knows of; all else is seen when the file is read back.
+UNSEEN = frozenset(
+    (
+        *("z", "vertex", "line", "regions", "names"),
+        *("point_data", "cell_data", "field_data", "point_sets", "cell_sets"),
+    )
+)
+# Types and numbers of columns that meshio writes data with.
+XDMF_TYPES = ("i4", "i8", "u4", "u8", "f4", "f8")
+XDMF_COLUMNS = (1, 2, 3, 6, 9)
 # Readers that go on reading for ever where a file ends too early, and whether they read text.
 ENDLESS = {"ansys": False, "mdpa": False, "tecplot": True}
 MOST_ENDS = 1000
@@ -136,14 +149,20 @@ def read_here(path: Path, name: str) -> FileContent:
 
 
 def write(content: FileContent, path: Path, name: str) -> list[str]:
-    """Write through meshio, read back what was written and list what is missing there."""
+    """Write through meshio, read back what was written and list what is lost."""
     meshio = loaded()
 
     options = ALONE.get(name, {})
     if name in SEVERAL_FILES and not options:
         raise MeshError(f"cannot write '{path}': format {name} takes several files")
-    mesh = meshio_of(content)
-    lost: list[str] = []
+    mesh = meshio_of(_grouped(content) if name in ONE_BLOCK else content)
+    # Where the format has them, they come back as groups of Gmsh or as sets.
+    lost = content.losses(UNSEEN)
+    names = content.names.keys() - mesh.field_data.keys() - mesh.cell_sets.keys()
+    if names:
+        lost.append("group names " + ", ".join(sorted(names)))
+    if name == "xdmf":
+        lost += _without_odd_data(mesh)
 
     def fill(temporary: Path) -> None:
         with _quiet() as said, _as_mesh_error(said, f"cannot write '{path}' as {name}"):
@@ -158,6 +177,54 @@ def write(content: FileContent, path: Path, name: str) -> list[str]:
     except OSError as error:
         raise MeshError(f"cannot write '{path}': {reason(error)}") from error
     return lost
+
+
+def _grouped(content: FileContent) -> FileContent:
+    """The same content with all cells of a type in one block."""
+    kinds = list(dict.fromkeys(kind for kind, _ in content.blocks))
+    of_kind = [[b for b, (kind, _) in enumerate(content.blocks) if kind == one] for one in kinds]
+
+    def joined(arrays: list[Any]) -> list[Any]:
+        return [np.concatenate([np.asarray(arrays[b]) for b in these]) for these in of_kind]
+
+    before = np.zeros(len(content.blocks), np.int64)
+    for these in of_kind:
+        lengths = [len(content.blocks[b][1]) for b in these]
+        before[these] = np.cumsum(lengths) - lengths
+    return replace(
+        content,
+        blocks=list(zip(kinds, joined([cells for _, cells in content.blocks]), strict=True)),
+        tags=None if content.tags is None else joined(content.tags),
+        cell_data={name: joined(arrays) for name, arrays in content.cell_data.items()},
+        cell_sets={
+            name: joined(
+                [np.asarray(part) + first for part, first in zip(parts, before, strict=True)]
+            )
+            for name, parts in content.cell_sets.items()
+        },
+    )
+
+
+def _without_odd_data(mesh: meshio.Mesh) -> list[str]:
+    """Take out what XDMF has no type or no shape for, and name it."""
+    lost = []
+    for what in ("point_data", "cell_data"):
+        data = getattr(mesh, what)
+        odd = [name for name, values in data.items() if not _fits_xdmf(values)]
+        for name in odd:
+            del data[name]
+        if odd:
+            lost.append(f"{what.replace('_', ' ')} {', '.join(odd)}")
+    return lost
+
+
+def _fits_xdmf(values: Any) -> bool:
+    arrays = [np.asarray(one) for one in (values if isinstance(values, list) else [values])]
+    return all(
+        one.dtype.str[1:] in XDMF_TYPES
+        and (one.ndim == 1 or (one.ndim == 2 and one.shape[1] in XDMF_COLUMNS))
+        for one in arrays
+    )
 
 
 class _Ending:
