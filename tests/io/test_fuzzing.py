@@ -30,7 +30,7 @@ from qsmooth.io import read_mesh
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="limits of Linux")
 
-SEED, SECONDS = 1, 20.0
+SEED, SECONDS = 1, 30.0
 
 
 def test_damaged_files_are_a_mesh_or_a_mesh_error():
