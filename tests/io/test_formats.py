@@ -32,7 +32,7 @@ from format_samples import (
 )
 from qsmooth.errors import MeshError, MeshWarning
 from qsmooth.io import format_of, format_records, formats, own_formats, read_mesh, write_mesh
-from qsmooth.io.registry import named, only
+from qsmooth.io.registry import folder_formats, named, only
 from qsmooth.mesh import Mesh
 
 # Formats that hold triangles and quads in one file.
@@ -299,7 +299,7 @@ def test_regions_of_arrays_are_written(tmp_path):
 
 def test_formats_have_names_and_endings():
     listed = formats()
-    own = [form.NAME for form in own_formats()]
+    own = [form.NAME for form in (*own_formats(), *folder_formats())]
     assert list(listed)[: len(own)] == sorted(own)
     assert listed["abaqus"] == (".inp",)
     assert "nastran" in listed
