@@ -484,13 +484,15 @@ def test_z_is_kept_where_that_is_asked_for():
 
 
 def test_no_step_asks_for_memory_that_grows_with_the_mesh():
-    small, large = (memory_of_steps(n) for n in (20, 100))
-    assert large[1] - small[1] < 40_000  # an array of places would be 150 KB more
-    assert large[0] - small[0] < 20_000
+    # What calls of compiled kernels keep for themselves comes and goes: the least of some.
+    tries = [[memory_of_steps(n) for n in (20, 100)] for _ in range(3)]
+    (small, low), (large, high) = np.min(tries, axis=0)
+    assert high - low < 40_000  # an array of places would be 150 KB more
+    assert large - small < 20_000
 
 
 def memory_of_steps(n):
-    """Memory after some steps, and the most that there was, beyond what there was before."""
+    """Memory of arrays after some steps, and the most that there was, beyond what was before."""
     mesh = with_bed(bay(n, 0.3), linear)
     top = np.flatnonzero(mesh.is_boundary & (mesh.points[:, 1] > 0.85))
     points, smoother = mesh.points.copy(), Smoother(mesh, boundary="slide", threads=1)
@@ -500,6 +502,8 @@ def memory_of_steps(n):
     for k in range(10):
         points[top, 1] += 1e-4 * (-1) ** k
         assert smoother.step(points).sweeps > 0
-    used = tracemalloc.get_traced_memory()
+    most = tracemalloc.get_traced_memory()[1]
+    arrays = tracemalloc.DomainFilter(True, np.lib.tracemalloc_domain)
+    kept = tracemalloc.take_snapshot().filter_traces([arrays])
     tracemalloc.stop()
-    return used
+    return sum(trace.size for trace in kept.traces), most
