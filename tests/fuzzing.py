@@ -22,7 +22,7 @@ from pathlib import Path
 
 from numba_cache import key_cache
 
-MOST_SECONDS = 2.0
+MOST_SECONDS = 2.0  # of processor time, on a machine that does nothing else
 MOST_MEMORY = 500 << 20
 MOST_BYTES = 1 << 20
 # Every so many cases a new process: what one leaves behind is not the next one's fault.
@@ -194,7 +194,9 @@ def fault(path: Path) -> str:
     return f"a warning: {strange[0]}" if strange else ""
 
 
-def run(seed: int, first: int, last: int, until: float, written: Path) -> None:
+def run(
+    seed: int, first: int, last: int, until: float, written: Path, most: float = MOST_SECONDS
+) -> None:
     """Read the cases from `first` on, and print which and what was wrong; the child's part."""
     files = samples(written)
     with tempfile.TemporaryDirectory() as name:
@@ -216,7 +218,7 @@ def run(seed: int, first: int, last: int, until: float, written: Path) -> None:
             path = folder / name
             path.write_bytes(data)
             print(json.dumps([case, "begin", name]), flush=True)
-            signal.setitimer(signal.ITIMER_PROF, MOST_SECONDS)
+            signal.setitimer(signal.ITIMER_PROF, most)
             wrong = fault(path)
             signal.setitimer(signal.ITIMER_PROF, 0.0)
             path.unlink()
@@ -225,14 +227,17 @@ def run(seed: int, first: int, last: int, until: float, written: Path) -> None:
     print(json.dumps([last, "end"]), flush=True)
 
 
-def fuzz(seed: int, seconds: float, first: int = 0) -> Iterator[tuple[int, str]]:
+def fuzz(
+    seed: int, seconds: float, first: int = 0, most: float = MOST_SECONDS
+) -> Iterator[tuple[int, str]]:
     """Read cases for so many seconds; give those that went wrong, then the number of the next."""
     until = time.monotonic() + seconds
     case = first
     with tempfile.TemporaryDirectory() as written:
         write_all(Path(written))
         while time.monotonic() < until:
-            arguments = ["--seed", seed, "--case", case, "--until", until, "--written", written]
+            arguments = ["--seed", seed, "--case", case, "--until", until, "--written", written,
+                         "--most", most]  # fmt: skip
             child = subprocess.Popen(
                 [sys.executable, __file__, *map(str, arguments)],
                 stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
@@ -245,7 +250,7 @@ def fuzz(seed: int, seconds: float, first: int = 0) -> Iterator[tuple[int, str]]
             case, what = rows[-1][:2]
             if what not in ("stop", "end"):
                 name = signal.Signals(-child.returncode).name if child.returncode < 0 else ""
-                over = f"over {MOST_SECONDS} s" if name == "SIGPROF" else f"died, {name} {errors}"
+                over = f"over {most} s" if name == "SIGPROF" else f"died, {name} {errors}"
                 yield case, f"{rows[-1][2]}: {over[:1000]}"
                 case += 1
     yield case, ""
@@ -258,6 +263,7 @@ def main() -> None:
     parser.add_argument("--case", type=int, required=True)
     parser.add_argument("--until", type=float, default=0.0)
     parser.add_argument("--written", type=Path)
+    parser.add_argument("--most", type=float, default=MOST_SECONDS)
     parser.add_argument("--keep", type=Path)
     given = parser.parse_args()
     if given.keep:
@@ -268,7 +274,7 @@ def main() -> None:
         print(f"{given.keep}: read it as {name}")
         return
     last = given.case + CASES_A_PROCESS
-    run(given.seed, given.case, last, given.until, given.written)
+    run(given.seed, given.case, last, given.until, given.written, given.most)
 
 
 if __name__ == "__main__":

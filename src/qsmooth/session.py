@@ -259,9 +259,9 @@ class _Tables:
             raise MeshError("points must be finite coordinates")
         depths = self._depths
         if self._rounded:
-            given = None if depths is None else (points.copy(), self._given.copy())
+            given = points.copy(), self._given.copy()  # `out` may be `points`
             record = self._put_in_plane(points, out, record)
-            if depths is not None and given is not None:
+            if depths is not None:
                 np.copyto(out[:, 2], depths.carry(*given, self._back()))
             return record
         xy = self._back()

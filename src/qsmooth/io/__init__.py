@@ -24,7 +24,7 @@ from qsmooth._types import FloatArray
 from qsmooth.errors import MeshError, MeshWarning
 from qsmooth.io import folders, via_meshio
 from qsmooth.io.file_content import FileContent, of_mesh
-from qsmooth.io.files import read_bytes, write_bytes
+from qsmooth.io.files import read_bytes, refused, write_bytes
 from qsmooth.io.listing import FormatRecord, format_records
 from qsmooth.io.recognition import format_to_read, format_to_write, formats, require_known
 from qsmooth.io.registry import folder_format, named, only, own_formats
@@ -187,12 +187,8 @@ def _read(path: Path, name: str | None) -> FileContent:
         # Kept to write an unchanged mesh as it was; of no use where a second file belongs to it.
         content.data = b"" if form in via_meshio.SEVERAL_FILES else data
         return content
-    try:
+    with refused(f"file of format {form.NAME}"):
         content = form.read(clean)
-    except (MeshError, MemoryError):
-        raise
-    except Exception as error:  # a file can be wrong in more ways than a reader checks
-        raise MeshError(f"no valid file of format {form.NAME} ({error!r})") from error
     content.format, content.data = form.NAME, data
     beside = getattr(form, "in_degrees", None)
     content.geographic = content.geographic or bool(beside and beside(path))

@@ -9,7 +9,7 @@ import secrets
 import shutil
 import stat
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from qsmooth.errors import MeshError
@@ -26,6 +26,17 @@ def read_bytes(path: Path) -> bytes:
         return path.read_bytes()
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
         raise MeshError(f"cannot read '{path}': {reason(error)}") from error
+
+
+@contextlib.contextmanager
+def refused(what: str) -> Iterator[None]:
+    """Make a MeshError of what a reader raises: files can be wrong in more ways than it checks."""
+    try:
+        yield
+    except (MeshError, MemoryError):
+        raise
+    except Exception as error:
+        raise MeshError(f"no valid {what} ({error!r})") from error
 
 
 def write_bytes(path: Path, data: bytes) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from qsmooth.errors import MeshError
 from qsmooth.io.file_content import FileContent, of_mesh
-from qsmooth.io.files import read_bytes, write_folder
+from qsmooth.io.files import read_bytes, refused, write_folder
 from qsmooth.io.registry import FolderFormat, folder_format, folder_formats
 
 if TYPE_CHECKING:
@@ -42,12 +42,8 @@ def read(path: Path, name: str | None) -> FileContent:
         form = found
     optional = [name for name in form.OPTIONAL if (path / name).is_file()]
     files = {name: read_bytes(path / name) for name in (*form.FILES, *optional)}
-    try:
+    with refused(f"folder of format {form.NAME}"):
         content = form.read_files(files)
-    except (MeshError, MemoryError):
-        raise
-    except Exception as error:  # a file can be wrong in more ways than a reader checks
-        raise MeshError(f"no valid folder of format {form.NAME} ({error!r})") from error
     content.format, content.data = form.NAME, files.pop(form.POINTS)
     content.beside = files
     return content
