@@ -33,8 +33,8 @@ def spiral(n_quads: int = N_QUADS, *, jitter: float = JITTER, seed: int = SEED) 
 
     The band is cut into triangles in rows along it, each triangle into three quads (corner, two
     edge midpoints, centroid), and the interior vertices are moved at random, as far as every quad
-    stays strictly convex. The same arguments give the same mesh; with the defaults it is the packaged
-    one, of ``qsmooth demo``.
+    stays strictly convex. The same arguments give the same mesh; with the defaults it is the
+    packaged one, of ``qsmooth demo``.
 
     Parameters
     ----------
