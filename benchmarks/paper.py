@@ -2,9 +2,8 @@
 
     python benchmarks/paper.py --json paper.json
 
-The paper's meshes are not public. `spiral()` and `lake()` are of the same outlines and sizes, and
-the spiral is as bad as the paper's. What is known of the paper's own figures are those of its
-spiral; on what machine they were taken is not.
+What is known of the paper's figures, and the meshes in place of its own, are those of `qsmooth
+paper`; here times are measured often enough to be published.
 """
 
 import argparse
@@ -14,29 +13,23 @@ from pathlib import Path
 
 from apart import machine, machine_words, markdown, own_cache, processor_time
 
-SWEEPS, REPEATS = 50, 7
-METHODS = ("laplacian", "star", "quad")
+REPEATS = 7
 HEAD = (
     "mesh", "method", "seconds", "paper's", "largest aspect ratio", "paper's", "mean", "paper's",
     "largest angle", "paper's", "smallest", "paper's",
 )  # fmt: skip
-FIGURES = ("seconds", "aspect_ratio", "mean_aspect_ratio", "max_angle", "min_angle")
-PAPER = {
-    ("spiral", "given"): (None, 59.8, 2.61, 180.0, 20.7),
-    ("spiral", "laplacian"): (0.004, None, None, None, None),
-    ("spiral", "star"): (1.5, 10.3, 1.86, 177.0, 15.9),
-    ("spiral", "quad"): (3.6, 10.1, 1.91, 155.0, 18.8),
-}
 
 
-def run(sweeps=SWEEPS, repeats=REPEATS, sizes=(1900, 24_000)):
+def run(sweeps=None, repeats=REPEATS, sizes=(1900, 24_000)):
     """All rows, as plain values."""
     own_cache()
     from qsmooth import examples, quality, smooth
+    from qsmooth.paper.runs import GIVEN, METHODS, SWEEPS, row
 
+    sweeps = SWEEPS if sweeps is None else sweeps
     rows, meshes = [], {"spiral": examples.spiral(sizes[0]), "lake": examples.lake(sizes[1])}
     for name, mesh in meshes.items():
-        rows.append(_row(name, "given", mesh, quality(mesh).summary(), None))
+        rows.append(row(name, mesh.n_cells, GIVEN, quality(mesh).summary(), None))
         for method in METHODS:
             smooth(mesh, method, max_sweeps=2, threads=1)
             seconds = []
@@ -44,45 +37,25 @@ def run(sweeps=SWEEPS, repeats=REPEATS, sizes=(1900, 24_000)):
                 begin = processor_time()
                 result = smooth(mesh, method, max_sweeps=sweeps, rtol=0.0, threads=1)
                 seconds.append(processor_time() - begin)
-            rows.append(_row(name, method, mesh, result.after, statistics.median(seconds)))
+            middle = statistics.median(seconds)
+            rows.append(row(name, mesh.n_cells, method, result.after, middle))
     return {"machine": machine(), "sweeps": sweeps, "rows": rows}
-
-
-def _row(name, method, mesh, summary, seconds):
-    worst = summary.worst
-    return {
-        "mesh": name,
-        "cells": mesh.n_cells,
-        "method": method,
-        "invalid": summary.n_invalid,
-        "seconds": seconds,
-        "aspect_ratio": worst["aspect_ratio"],
-        "mean_aspect_ratio": summary.mean["aspect_ratio"],
-        "max_angle": worst["max_angle"],
-        "min_angle": worst["min_angle"],
-    }
 
 
 def lines(found):
     """Rows of the table, as texts: each figure with the paper's beside it."""
+    from qsmooth.paper.runs import COLUMNS, KNOWN, UNKNOWN, text_of
+
     out = []
     for row in found["rows"]:
-        theirs = PAPER.get((row["mesh"], row["method"]), (None,) * len(FIGURES))
+        theirs = KNOWN.get((row["mesh"], row["method"]), UNKNOWN)
         line = [f"{row['mesh']}, {row['cells']} quads", row["method"]]
-        for key, other in zip(FIGURES, theirs, strict=True):
-            line += [_text(key, row[key]), _text(key, other)]
+        for column, other in zip(COLUMNS, theirs, strict=True):
+            line += [text_of(column, row[column]), text_of(column, other)]
         if row["invalid"]:
             line[1] += f", {row['invalid']} invalid"
         out.append(line)
     return out
-
-
-def _text(key, value):
-    if value is None:
-        return ""
-    if key == "seconds":
-        return f"{value:.3g}"
-    return f"{value:.1f}°" if key.endswith("angle") else f"{value:.3g}"
 
 
 def main():

@@ -3,32 +3,27 @@
     python tools/make_demo_mesh.py              # writes src/qsmooth/data/spiral.off
     python tools/make_demo_mesh.py other.off    # or elsewhere
 
-Coordinates are rounded to five decimals, in a mesh about 5 across whose shortest edge is about
-0.001 long; the script checks that every quad is still valid.
+It is what the formula of `qsmooth.examples.spiral` gives, to the last bit; the script checks that
+every quad is valid.
 """
 
 import sys
 from pathlib import Path
 
-import numpy as np
-
-from qsmooth.examples import DEMO_FILE, spiral
+from qsmooth.examples.spirals import DEMO_FILE, made_spiral
 from qsmooth.metrics import quality
-
-DECIMALS = 5
 
 
 def main() -> None:
     """Make the mesh, check it, write it and say how bad it is."""
     path = Path(sys.argv[1]) if len(sys.argv) > 1 else DEMO_FILE
-    mesh = spiral()
-    mesh = mesh.with_points(np.round(mesh.points, DECIMALS))
+    mesh = made_spiral()
     (quads,) = mesh.cells
     measured = quality(mesh)
     if measured.n_invalid:
         raise SystemExit(f"{measured.n_invalid} quads are not valid")
     lines = ["OFF", f"{mesh.n_vertices} {len(quads)} 0"]
-    lines += [f"{x:.{DECIMALS}f} {y:.{DECIMALS}f} 0" for x, y in mesh.points]
+    lines += [f"{x!r} {y!r} 0" for x, y in mesh.points.tolist()]
     lines += [" ".join(map(str, (4, *quad))) for quad in quads.tolist()]
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(("\n".join(lines) + "\n").encode("ascii"))

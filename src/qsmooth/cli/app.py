@@ -26,6 +26,7 @@ from qsmooth.cli.formats import formats
 from qsmooth.cli.info import info
 from qsmooth.cli.methods import methods
 from qsmooth.cli.options import Command, with_options
+from qsmooth.cli.paper import paper
 from qsmooth.cli.quality import quality
 from qsmooth.cli.smooth import smooth
 from qsmooth.cli.untangle import untangle
@@ -58,6 +59,7 @@ COMMANDS = (
     Command(formats),
     Command(methods),
     Command(demo, _listed, only=("max_sweeps",)),
+    Command(paper),
     Command(warmup),
 )
 

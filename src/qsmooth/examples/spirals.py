@@ -1,4 +1,8 @@
-"""A spiral band of bad quads, after the example of the paper; the mesh of ``qsmooth demo``."""
+"""A spiral band of bad quads, after the example of the paper.
+
+At its default size it is packaged, and read from there: `spiral()`, ``qsmooth demo`` and ``qsmooth
+paper`` have the same mesh, to the bit, whatever this machine's sine and NumPy's random numbers are.
+"""
 
 from __future__ import annotations
 
@@ -12,8 +16,9 @@ from qsmooth.examples.thirds import shaken, split_in_three
 from qsmooth.io import read_mesh
 from qsmooth.mesh import Mesh
 
-# Made by tools/make_demo_mesh.py.
+# What `made_spiral` gives at its defaults; written by tools/make_demo_mesh.py.
 DEMO_FILE = Path(__file__).parent.parent / "data" / "spiral.off"
+N_QUADS, JITTER, SEED = 1900, 0.55, 440
 
 # The band: its centre line and half its width at the angle t, which runs from START to END.
 START, END = 0.35 * 2.0 * math.pi, 2.1 * 2.0 * math.pi
@@ -23,12 +28,13 @@ HALF_WIDTH, WIDENING = 0.030, 0.024
 LENGTH_IN_WIDTHS, HEIGHT = 38.7, 0.5 * math.sqrt(3.0)
 
 
-def spiral(n_quads: int = 1900, *, jitter: float = 0.55, seed: int = 440) -> Mesh:
+def spiral(n_quads: int = N_QUADS, *, jitter: float = JITTER, seed: int = SEED) -> Mesh:
     """Make a spiral band of bad quads, narrower towards its centre.
 
     The band is cut into triangles in rows along it, each triangle into three quads (corner, two
     edge midpoints, centroid), and the interior vertices are moved at random, as far as every quad
-    stays strictly convex. The same arguments give the same mesh.
+    stays strictly convex. The same arguments give the same mesh; with the defaults it is the
+    packaged one, of ``qsmooth demo``.
 
     Parameters
     ----------
@@ -48,6 +54,13 @@ def spiral(n_quads: int = 1900, *, jitter: float = 0.55, seed: int = 440) -> Mes
         raise ValueError(f"n_quads must be 200 or more, got {n_quads}")
     if not (0.0 <= jitter < math.inf):
         raise ValueError(f"jitter must be 0 or more, got {jitter}")
+    if (n_quads, jitter, seed) == (N_QUADS, JITTER, SEED):
+        return demo_mesh()
+    return made_spiral(n_quads, jitter, seed)
+
+
+def made_spiral(n_quads: int = N_QUADS, jitter: float = JITTER, seed: int = SEED) -> Mesh:
+    """Make the band by its formula, also where it is packaged; parameters as in `spiral`."""
     n_across = max(1, round(math.sqrt(n_quads / (6.0 * LENGTH_IN_WIDTHS * HEIGHT))))
     n_along = max(1, round(n_quads / (6.0 * n_across) - 0.5))
     points, triangles = _band(n_along, n_across)
@@ -56,8 +69,9 @@ def spiral(n_quads: int = 1900, *, jitter: float = 0.55, seed: int = 440) -> Mes
 
 
 def demo_mesh() -> Mesh:
-    """Read the packaged spiral, the mesh of ``qsmooth demo``."""
-    return read_mesh(DEMO_FILE)
+    """Read the packaged spiral, the mesh of ``qsmooth demo``; `spiral` gives the same."""
+    stored = read_mesh(DEMO_FILE)
+    return Mesh(stored.xy, stored.cells)
 
 
 def _band(n_along: int, n_across: int) -> tuple[FloatArray, IndexArray]:
