@@ -19,7 +19,7 @@ sys.path[:0] = [str(HERE), str(HERE / "extensions")]
 
 project = "qsmooth"
 author = "the authors of qsmooth"
-copyright = "the authors of qsmooth"  # noqa: A001
+copyright = "the authors of qsmooth"
 version = release = qsmooth.__version__
 
 extensions = [
@@ -35,7 +35,6 @@ exclude_patterns = ["build"]
 
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4  # as on GitHub, so that links to headings work in both
-suppress_warnings = ["toc.empty_glob"]  # the last section of the index takes what there is
 
 html_theme = "furo"
 html_title = f"qsmooth {version}"

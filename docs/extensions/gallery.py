@@ -8,11 +8,10 @@ from __future__ import annotations
 import inspect
 from pathlib import Path
 
+import pictures
 from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
-
-import pictures
 
 FOLDER = Path(__file__).resolve().parent.parent / "build" / "pictures"
 
