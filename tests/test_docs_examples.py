@@ -58,12 +58,3 @@ def test_blocks_run(path, tmp_path, monkeypatch, capsys):
         return
     for line in "".join(blocks(path, "sh")).splitlines():
         assert run(shlex.split(line, comments=True)[1:]) == 0, capsys.readouterr().err
-
-
-def test_excerpts_of_sources_are_theirs():
-    for block in blocks(ROOT / "docs" / "style.md", "python"):
-        named = re.match(r"# (src/\S+)\n", block)
-        if named:
-            source = (ROOT / named[1]).read_text(encoding="utf-8")
-            lines = [line for line in block.splitlines()[1:] if "..." not in line]
-            assert [line for line in lines if line not in source] == []
