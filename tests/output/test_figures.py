@@ -8,8 +8,10 @@ from qsmooth import Mesh, quality, smooth
 from qsmooth.examples import spiral
 from qsmooth.metrics import METRICS
 from qsmooth.output import drawing, figures
-from qsmooth.output.drawing import UNDEFINED_COLOUR
-from qsmooth.output.figures import VIEWS, plot_comparison, plot_histograms, plot_mesh, save_figures
+from qsmooth.output.charts import plot_histograms
+from qsmooth.output.figures import VIEWS, plot_comparison, plot_mesh
+from qsmooth.output.saving import save_figures
+from qsmooth.output.scales import UNDEFINED_COLOUR
 
 pytest.importorskip("matplotlib")
 from matplotlib.colors import to_rgba
@@ -175,7 +177,7 @@ def test_odd_meshes_are_drawn(pair, tmp_path):
 
 def test_all_figures_are_saved(mesh, result, tmp_path):
     paths = save_figures(mesh, result, tmp_path / "deep" / "figures")
-    assert len(paths) == 16
+    assert len(paths) == 22
     assert {path.suffix for path in paths} == {".png", ".svg"}
     for path in paths:
         head = path.read_bytes()[:5]

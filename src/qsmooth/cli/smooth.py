@@ -86,7 +86,7 @@ def smooth(
     with files.Outputs() as outputs:
         outputs.put(output, lambda: write_mesh(output, result.mesh, format=output_format))
         if plot is not None:
-            from qsmooth.output.figures import save_figures
+            from qsmooth.output.saving import save_figures
 
             outputs.put(plot, lambda: save_figures(mesh, result, plot, metric=plot_metric))
         written = outputs.written[:]
