@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 import textwrap
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -30,16 +31,17 @@ LINE_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
 INVALID_COLOUR, INVALID_EDGE = "#202020", "#CC79A7"
 # Cells beyond this many go into an SVG as an image; a picture of each would weigh megabytes.
 VECTOR_CELLS = 6000
-DPI = 160
+DPI = 150
 # Of images inside an SVG, which a browser scales.
-INNER_DPI = 110
-# A third of the time of the usual 6, for files a tenth larger.
-COMPRESSION = 2
+INNER_DPI = 100
+# A third of the time of the usual 6, for larger files.
+COMPRESSION = 1
 # Inches: beside a panel for its ticks, the colour bar and its words, above for titles, below for
 # ticks and for each line of the caption.
 LEFT, BAR, RIGHT, TITLES, HEADING, TICKS, LINE = 0.75, 1.15, 0.2, 0.48, 0.4, 0.35, 0.19
 # Points; edges of cells smaller than the first would hide them, others are this share of the cell.
 LEAST_LINED, LINE_SHARE, WIDEST_LINE = 1.6, 0.045, 0.8
+WIDTH_STEP = 0.2  # of large meshes
 
 
 def require_matplotlib() -> None:
@@ -187,21 +189,29 @@ def draw_cells(
     measured = quality(mesh)
     cells = np.flatnonzero(cells_in(mesh, window))
     widths = line_widths(axes, measured.area[cells])
+    if len(cells) > VECTOR_CELLS:
+        # A width of its own for each takes longer than to draw it.
+        widths = np.ceil(widths / WIDTH_STEP) * WIDTH_STEP
     sizes = np.diff(mesh.cell_offsets)[cells]
-    colours = scale.faces(values[cells])
-    for n, corners in zip((3, 4), cell_corners(mesh, cells), strict=True):
-        if not len(corners):
+    faces = scale.faces(values[cells])
+    corners = cell_corners(mesh, cells)
+    for n, width in itertools.product(
+        (3, 4), np.unique(widths) if len(cells) > VECTOR_CELLS else (None,)
+    ):
+        of_kind = widths[sizes == n]
+        chosen = slice(None) if width is None else of_kind == width
+        polygons = corners[n - 3][chosen]
+        if not len(polygons):
             continue
-        lined = widths[sizes == n] > 0.0
         collection = PolyCollection(
-            corners,
-            facecolors=colours[sizes == n],
+            polygons,
+            facecolors=faces[sizes == n][chosen],
             edgecolors="#404040",
-            linewidths=widths[sizes == n],
+            linewidths=of_kind if width is None else width,
             # Cells without lines would have seams between them.
-            antialiaseds=lined,
+            antialiaseds=of_kind > 0.0 if width is None else bool(width),
         )
-        collection.set_rasterized(len(cells) > VECTOR_CELLS)
+        collection.set_rasterized(width is not None)
         axes.add_collection(collection, autolim=False)
 
 

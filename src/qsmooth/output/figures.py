@@ -1,4 +1,4 @@
-"""Maps: a mesh coloured by quality, before and after, by method; how far it moved. Needs matplotlib."""
+"""Maps: a mesh by quality, before and after, by method; how far it moved. Needs matplotlib."""
 
 from __future__ import annotations
 
