@@ -16,7 +16,7 @@ def test_demo_needs_no_file(call, tmp_path, monkeypatch):
     folder = tmp_path / "qsmooth-demo"
     assert "Spiral: 1899 quads" in out
     assert "Smart Laplacian" in out
-    assert "Wrote 16 figures, as PNG and SVG, into qsmooth-demo" in out
+    assert "Wrote 22 figures, as PNG and SVG, into qsmooth-demo" in out
     assert quality(read_mesh(folder / "spiral-optimize.off")).n_invalid == 0
     assert read_mesh(folder / "spiral.off").n_cells == 1899
     assert (folder / "comparison-whole.png").exists()

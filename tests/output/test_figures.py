@@ -8,8 +8,16 @@ from qsmooth import Mesh, quality, smooth
 from qsmooth.examples import spiral
 from qsmooth.metrics import METRICS
 from qsmooth.output import drawing, figures
-from qsmooth.output.drawing import UNDEFINED_COLOUR
-from qsmooth.output.figures import VIEWS, plot_comparison, plot_histograms, plot_mesh, save_figures
+from qsmooth.output.charts import plot_convergence, plot_histograms
+from qsmooth.output.figures import (
+    VIEWS,
+    plot_comparison,
+    plot_displacement,
+    plot_mesh,
+    plot_methods,
+)
+from qsmooth.output.saving import save_figures
+from qsmooth.output.scales import UNDEFINED_COLOUR
 
 pytest.importorskip("matplotlib")
 from matplotlib.colors import to_rgba
@@ -175,7 +183,7 @@ def test_odd_meshes_are_drawn(pair, tmp_path):
 
 def test_all_figures_are_saved(mesh, result, tmp_path):
     paths = save_figures(mesh, result, tmp_path / "deep" / "figures")
-    assert len(paths) == 16
+    assert len(paths) == 22
     assert {path.suffix for path in paths} == {".png", ".svg"}
     for path in paths:
         head = path.read_bytes()[:5]
@@ -210,3 +218,62 @@ def test_missing_matplotlib_says_what_to_install(mesh, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     with pytest.raises(ImportError, match=r"pip install 'qsmooth\[plot\]'"):
         figures.plot_mesh(mesh)
+
+
+def test_cells_left_are_named_with_their_figures(mesh, result):
+    figure = plot_comparison(result, view="left")
+    worst = int(quality(result.mesh).worst(1, "max_angle").cells[0])
+    assert f"{worst}: {quality(result.mesh).max_angle[worst]:.2f}°" in texts(figure)
+
+
+def test_linear_colours_spread_over_what_is_there(mesh):
+    angles = quality(mesh).max_angle
+    low, high = plot_mesh(mesh).axes[1].get_ylim()
+    assert (low, high) == pytest.approx((angles.min(), angles.max()))
+
+
+def test_quantiles_share_the_cells_out(mesh):
+    figure = plot_mesh(mesh, scale="quantiles")
+    faces = polygons(figure.axes[0])[0].get_facecolor()
+    counts = np.unique(faces, axis=0, return_counts=True)[1]
+    assert len(counts) == 12
+    assert sorted(counts)[-9] == pytest.approx(0.1 * mesh.n_cells, abs=2)
+    with pytest.raises(ValueError, match="scale must be one of"):
+        plot_mesh(mesh, scale="log")
+
+
+def test_large_meshes_have_a_map_of_moves_for_two_nets(mesh, result, monkeypatch):
+    monkeypatch.setattr(figures, "OVERLAY_CELLS", 100)
+    figure = plot_comparison(result, view="overlay")
+    assert "How far a vertex moved" in texts(figure)
+    assert "moved, by" in texts(plot_displacement(result))
+
+
+def test_methods_and_convergence(mesh, result):
+    words = texts(plot_methods([result, result]))
+    assert "Before" in words
+    assert words.count("optimize (2)") + words.count("Optimize (2)") == 1
+    figure = plot_convergence(result)
+    assert len(figure.axes[0].lines[0].get_ydata()) == 1 + len(result.history)
+
+
+def test_every_plot_takes_panels_of_the_caller(mesh, result):
+    from matplotlib.figure import Figure
+
+    for draw, n in (
+        (lambda ax: plot_mesh(mesh, ax=ax[0]), 1),
+        (lambda ax: plot_displacement(result, ax=ax[0]), 1),
+        (lambda ax: plot_comparison(result, ax=ax), 2),
+        (lambda ax: plot_methods([result], ax=ax), 2),
+        (lambda ax: plot_histograms(result, log=True, ax=ax), 3),
+        (lambda ax: plot_convergence(result, ax=ax), 4),
+    ):
+        own = Figure()
+        assert draw(own.subplots(1, n, squeeze=False)[0]) is own
+    with pytest.raises(ValueError, match="ax must be 2 panels"):
+        plot_comparison(result, ax=own.axes)
+
+
+def test_cells_that_are_not_valid_are_told():
+    figure = plot_mesh(ODD["crossed"])
+    assert "Nearly black: not valid" in texts(figure)

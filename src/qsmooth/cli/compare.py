@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from qsmooth._words import did_you_mean
-from qsmooth.cli import files, running, terminal
+from qsmooth.cli import files, plotting, running, terminal
 from qsmooth.cli.options import METHOD, named, spell
 from qsmooth.options import spelled
 
@@ -35,13 +36,17 @@ def compare(
     surface: files.SurfaceOption = files.Surface.auto,
     geographic: files.GeographicOption = None,
     format: files.FormatOption = None,
+    plot: plotting.PlotOption = None,
+    plot_metric: plotting.MetricOption = "max_angle",
+    plot_scale: plotting.ScaleOption = plotting.Scale.linear,
     json_file: files.JsonOption = None,
     debug: files.DebugOption = False,
 ) -> None:
     """Smooth a mesh with several methods, and put the results side by side.
 
-    Nothing is written. An option goes to the methods that have it.
+    No mesh is written. An option goes to the methods that have it.
     """
+    plot_metric = plotting.checked(plot, plot_metric)
     files.refuse_clash(json_file, mesh_file)
     within = files.merge_within(merge, merge_tolerance)
     options = options or {}
@@ -63,9 +68,19 @@ def compare(
         ],
         "skipped": skipped,
     }
+
+    def save(folder: Path) -> object:
+        from qsmooth.output.saving import save_method_figures
+
+        return save_method_figures(results, folder, metric=plot_metric, scale=plot_scale.value)
+
     with files.Outputs() as outputs:
-        if not outputs.put_json(json_file, facts):
+        shown = not outputs.put_json(json_file, facts)
+        if shown:
             show(str(mesh_file), results, skipped)
+        plotting.draw(outputs, plot, save)
+        if shown and plot in outputs.written:
+            terminal.write_line(f"Wrote {plot}")
 
 
 def method_names(text: str) -> list[str]:

@@ -28,6 +28,7 @@ def convert(
     geographic: files.GeographicOption = None,
     format: files.FormatOption = None,
     output_format: files.OutputFormatOption = None,
+    with_quality: files.WithQualityOption = False,
     json_file: files.JsonOption = None,
     debug: files.DebugOption = False,
 ) -> None:
@@ -40,11 +41,16 @@ def convert(
     files.refuse_unsafe(mesh_file, output, overwrite, json_file)
     within = files.merge_within(merge, merge_tolerance)
     mesh = files.read(mesh_file, surface, format, geographic, within)
+    files.require_format(output, mesh, output_format, with_quality=with_quality)
     before = str(getattr(mesh.source, "format", ""))
     after = format_of(output, mesh, format=output_format)
     lost: list[str] = []
     with files.Outputs() as outputs:
-        outputs.put(output, lambda: lost.extend(write_and_tell(output, mesh, format=output_format)))
+        written_mesh = files.to_write(mesh, with_quality)
+        outputs.put(
+            output,
+            lambda: lost.extend(write_and_tell(output, written_mesh, format=output_format)),
+        )
         if not outputs.written:
             return
         facts = {

@@ -58,7 +58,7 @@ def demo(
     write_mesh(smoothed, best.mesh)
     terminal.write_line(f"Wrote the mesh, {given}, and what method {usual} made of it, {smoothed}")
     try:
-        from qsmooth.output.figures import save_figures
+        from qsmooth.output.saving import save_figures
 
         with terminal.status("drawing"):
             paths = save_figures(mesh, best, output)

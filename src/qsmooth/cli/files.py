@@ -93,6 +93,15 @@ OutputFormatOption = Annotated[
         rich_help_panel=FILES,
     ),
 ]
+WithQualityOption = Annotated[
+    bool,
+    typer.Option(
+        "--with-quality",
+        help="Put every metric of the cells, and their validity, into OUT as cell data; for "
+        "formats that hold it, such as .vtu.",
+        rich_help_panel=FILES,
+    ),
+]
 MergeOption = Annotated[
     bool,
     typer.Option(
@@ -176,16 +185,33 @@ def read(
 
 
 def require_format(
-    path: Path, mesh: Mesh, name: str | None, interpolate: tuple[str, ...] = ()
+    path: Path,
+    mesh: Mesh,
+    name: str | None,
+    interpolate: tuple[str, ...] = (),
+    with_quality: bool = False,
 ) -> None:
     """Refuse a format that can't be written, or holds no data to interpolate, before the work."""
     from qsmooth.carrying import require_data
-    from qsmooth.io import format_of, holds_point_data
+    from qsmooth.io import format_of, holds_cell_data, holds_point_data
 
     found = format_of(path, mesh, format=name)
     require_data(mesh, interpolate)
     if interpolate and not holds_point_data(found):
         raise ValueError(f"--interpolate: format {found} of '{path}' holds no point data")
+    if with_quality and not holds_cell_data(found):
+        raise ValueError(
+            f"--with-quality: format {found} of '{path}' holds no cell data; vtu and vtk do"
+        )
+
+
+def to_write(mesh: Mesh, with_quality: bool) -> Mesh:
+    """Give the mesh as it is to be written: with the metrics of its cells, if wanted."""
+    if not with_quality:
+        return mesh
+    from qsmooth.output.cell_quality import with_quality as measured
+
+    return measured(mesh)
 
 
 def refuse_unsafe(mesh_file: Path, output: Path, overwrite: bool, json_file: Path | None) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from qsmooth.cli import files, running, terminal
+from qsmooth.cli import files, plotting, running, terminal
 from qsmooth.cli.options import REPORT
 
 if TYPE_CHECKING:
@@ -84,6 +84,9 @@ def quality(
     surface: files.SurfaceOption = files.Surface.auto,
     geographic: files.GeographicOption = None,
     format: files.FormatOption = None,
+    plot: plotting.PlotOption = None,
+    plot_metric: plotting.MetricOption = "max_angle",
+    plot_scale: plotting.ScaleOption = plotting.Scale.linear,
     json_file: files.JsonOption = None,
     debug: files.DebugOption = False,
 ) -> None:
@@ -100,6 +103,7 @@ def quality(
     shown = parse_metrics(metrics, "--metrics")
     gates = [(*parse_gate(text, "--fail-below"), True) for text in fail_below or ()]
     gates += [(*parse_gate(text, "--fail-above"), False) for text in fail_above or ()]
+    plot_metric = plotting.checked(plot, plot_metric)
     files.refuse_clash(json_file, mesh_file)
     files.refuse_clash(junit, mesh_file, *filter(None, [json_file]), option="--junit")
     started = time.perf_counter()
@@ -117,6 +121,12 @@ def quality(
         "checks": [check.to_dict() for check in checks],
         "passed": passed,
     }
+
+    def save(folder: Path) -> object:
+        from qsmooth.output.saving import save_quality_figures
+
+        return save_quality_figures(mesh, folder, metric=plot_metric, scale=plot_scale.value)
+
     with files.Outputs() as outputs:
         if junit is not None:
             report = machine.junit(mesh_file, checks, time.perf_counter() - started)
@@ -133,6 +143,9 @@ def quality(
             for check in checks:
                 if not check.passed:
                     terminal.say(f"failed: {check.text}")
+        plotting.draw(outputs, plot, save)
+        if plot in outputs.written and json_file != Path("-"):
+            terminal.write_line(f"Wrote {plot}")
         for line in machine.workflow_commands(mesh_file, checks) if github else ():
             terminal.write_command(line, aside=json_file == Path("-"))
         if not passed:

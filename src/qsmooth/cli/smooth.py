@@ -7,8 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from qsmooth.cli import files, running, terminal
-from qsmooth.cli.options import METHOD, REPORT, named
+from qsmooth.cli import files, plotting, running, terminal
+from qsmooth.cli.options import METHOD, named
 
 
 def smooth(
@@ -33,22 +33,10 @@ def smooth(
     geographic: files.GeographicOption = None,
     format: files.FormatOption = None,
     output_format: files.OutputFormatOption = None,
-    plot: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FOLDER",
-            help="Also write figures, as PNG and SVG, into this folder.",
-            rich_help_panel=REPORT,
-        ),
-    ] = None,
-    plot_metric: Annotated[
-        str,
-        typer.Option(
-            metavar="METRIC",
-            help="What figures are coloured by: {metrics}.",
-            rich_help_panel=REPORT,
-        ),
-    ] = "max_angle",
+    with_quality: files.WithQualityOption = False,
+    plot: plotting.PlotOption = None,
+    plot_metric: plotting.MetricOption = "max_angle",
+    plot_scale: plotting.ScaleOption = plotting.Scale.linear,
     json_file: files.JsonOption = None,
     debug: files.DebugOption = False,
 ) -> None:
@@ -58,24 +46,23 @@ def smooth(
     coordinates.
     """
     from qsmooth.io import write_mesh
-    from qsmooth.metrics import find_metric
     from qsmooth.output import tables
 
     files.refuse_unsafe(mesh_file, output, overwrite, json_file)
     within = files.merge_within(merge, merge_tolerance)
-    plot_metric = find_metric(plot_metric.replace("-", "_"), "--plot-metric").name
-    if plot is not None:
-        from qsmooth.output.drawing import require_matplotlib
-
-        if plot.exists() and not plot.is_dir():
-            raise ValueError(f"'{plot}' is a file; --plot takes a folder")
-        require_matplotlib()
+    plot_metric = plotting.checked(plot, plot_metric)
     options = options or {}
     chosen, why = running.method_with(method, options)
     mesh = files.read(mesh_file, surface, format, geographic, within)
-    files.require_format(output, mesh, output_format, chosen.interpolate)
+    files.require_format(output, mesh, output_format, chosen.interpolate, with_quality)
     result = running.run_to_end(mesh, chosen, output, why, format=output_format, keep=keep_best)
     limits = running.limits_of(mesh, result, chosen)
+
+    def save(folder: Path) -> object:
+        from qsmooth.output.saving import save_figures
+
+        return save_figures(mesh, result, folder, metric=plot_metric, scale=plot_scale.value)
+
     facts = {
         "input": str(mesh_file),
         "output": str(output),
@@ -84,17 +71,15 @@ def smooth(
         "limits": limits.to_dict(),
     }
     with files.Outputs() as outputs:
-        outputs.put(output, lambda: write_mesh(output, result.mesh, format=output_format))
-        if plot is not None:
-            from qsmooth.output.figures import save_figures
-
-            outputs.put(plot, lambda: save_figures(mesh, result, plot, metric=plot_metric))
-        written = outputs.written[:]
-        if outputs.put_json(json_file, facts):
-            return
-        terminal.write_heading(f"{mesh_file}: {tables.size_text(result.before)}")
-        terminal.write_table(tables.change_table(result.before, result.after))
-        running.show_outcome(result)
-        running.show_limits(limits)
-        if written:
+        written_mesh = files.to_write(result.mesh, with_quality)
+        outputs.put(output, lambda: write_mesh(output, written_mesh, format=output_format))
+        shown = not outputs.put_json(json_file, facts)
+        if shown:
+            terminal.write_heading(f"{mesh_file}: {tables.size_text(result.before)}")
+            terminal.write_table(tables.change_table(result.before, result.after))
+            running.show_outcome(result)
+            running.show_limits(limits)
+        plotting.draw(outputs, plot, save)
+        written = [path for path in outputs.written if path != json_file]
+        if shown and written:
             terminal.write_line(f"Wrote {' and '.join(map(str, written))}")

@@ -23,6 +23,7 @@ def untangle(
     geographic: files.GeographicOption = None,
     format: files.FormatOption = None,
     output_format: files.OutputFormatOption = None,
+    with_quality: files.WithQualityOption = False,
     json_file: files.JsonOption = None,
     debug: files.DebugOption = False,
 ) -> None:
@@ -40,7 +41,7 @@ def untangle(
     options = options or {}
     method = all_methods()["untangle"].of(options)
     mesh = files.read(mesh_file, surface, format, geographic, within)
-    files.require_format(output, mesh, output_format, method.interpolate)
+    files.require_format(output, mesh, output_format, method.interpolate, with_quality)
     result = running.run_to_end(mesh, method, output, format=output_format, keep=keep_best)
     n_invalid = result.after.n_invalid
     facts = {
@@ -52,7 +53,8 @@ def untangle(
     }
     failed = f"FAILED: {plural(n_invalid, 'cell')} of {result.after.n_cells} not valid"
     with files.Outputs() as outputs:
-        outputs.put(output, lambda: write_mesh(output, result.mesh, format=output_format))
+        written_mesh = files.to_write(result.mesh, with_quality)
+        outputs.put(output, lambda: write_mesh(output, written_mesh, format=output_format))
         written = output in outputs.written
         if not outputs.put_json(json_file, facts):
             terminal.write_heading(f"{mesh_file}: {tables.size_text(result.before)}")

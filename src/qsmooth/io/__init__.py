@@ -37,6 +37,8 @@ __all__ = [
     "format_of",
     "format_records",
     "formats",
+    "holds_cell_data",
+    "holds_point_data",
     "own_formats",
     "read_mesh",
     "write_and_tell",
@@ -170,6 +172,12 @@ def holds_point_data(name: str) -> bool:
     """Whether a format can keep point data; of meshio's that is seen when it is written."""
     form = named(name) or folder_format(name)
     return form is None or "point_data" in form.HOLDS
+
+
+def holds_cell_data(name: str) -> bool:
+    """Whether a format can keep cell data; of meshio's that is seen when it is written."""
+    form = named(name) or folder_format(name)
+    return form is None or "cell_data" in form.HOLDS
 
 
 def _read(path: Path, name: str | None) -> FileContent:

@@ -1,41 +1,25 @@
-"""Figures: a mesh coloured by quality, before and after, histograms. Needs matplotlib."""
+"""Maps: a mesh by quality, before and after, by method; how far it moved. Needs matplotlib."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
+from qsmooth._types import BoolArray, FloatArray, IndexArray
 from qsmooth._words import plural
 from qsmooth.adapters import as_mesh
 from qsmooth.mesh import Mesh
-from qsmooth.metrics import METRICS, Quality, Summary, find_metric, parse_metrics, quality
-from qsmooth.output.drawing import (
-    AFTER_COLOUR,
-    BEFORE_COLOUR,
-    VECTOR_CELLS,
-    add_caption,
-    colour_bar,
-    colour_scale,
-    draw_cells,
-    extremes,
-    line_width,
-    new_figure,
-    outline,
-    panels_for,
-    require_matplotlib,
-    save,
-    saved,
-    size_of,
-)
+from qsmooth.metrics import Metric, Quality, find_metric, quality
+from qsmooth.output import drawing
+from qsmooth.output.scales import ColourScale, Scale, colour_scale, moves_scale
 from qsmooth.output.tables import method_title
 from qsmooth.output.views import (
     cells_in,
-    edges_of,
+    edge_lengths,
     good_window,
     narrow_window,
     whole_window,
@@ -43,24 +27,33 @@ from qsmooth.output.views import (
 )
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from qsmooth.result import SmoothResult
 
-View: TypeAlias = Literal["whole", "overlay", "worst", "narrow", "good"]
+View: TypeAlias = Literal["whole", "overlay", "worst", "left", "narrow", "good"]
+MeshView: TypeAlias = Literal["whole", "worst"]
 Drawable: TypeAlias = "Mesh | SmoothResult | tuple[Any, Any]"
 
-VIEWS: tuple[View, ...] = ("whole", "overlay", "worst", "narrow", "good")
+VIEWS: tuple[View, ...] = ("whole", "overlay", "worst", "left", "narrow", "good")
 # Of a small mesh no more than this share of the cells is outlined.
 LARGEST_OUTLINED_SHARE = 0.1
+# From so many cells on two nets over each other are grey.
+OVERLAY_CELLS = 20_000
+# Cells whose number and figure are written in a view of the whole, and in one that is zoomed.
+WRITTEN_WHOLE, WRITTEN_ZOOMED = 3, 6
 
 
 def plot_mesh(
     mesh: Drawable,
     *,
     metric: str = "max_angle",
+    view: MeshView = "whole",
+    scale: Scale = "linear",
     worst: int = 20,
     title: str = "",
+    ax: Axes | None = None,
     path: str | Path | None = None,
 ) -> Figure:
     """Draw a mesh with its cells coloured by a metric, and the worst cells outlined.
@@ -70,11 +63,20 @@ def plot_mesh(
     mesh
         A `Mesh`, a pair ``(points, cells)`` or a `SmoothResult`.
     metric
-        The name of one in `qsmooth.metrics.METRICS`. Cells that it is not defined for are grey.
+        The name of one in `qsmooth.metrics.METRICS`. Cells that it is not defined for are grey,
+        those that are not valid nearly black.
+    view
+        ``"whole"``, or ``"worst"``: zoomed on the worst cell.
+    scale
+        ``"linear"``: colours go with the figure, from the best to the worst that there is.
+        ``"quantiles"``: each of ten colours has a tenth of the cells, and the worst tenth three.
     worst
-        How many of the worst cells to outline, a tenth of all cells at most.
+        How many of the worst cells to outline, a tenth of all cells at most. Number and figure are
+        written at the first three of them, of those in a zoomed view at six.
     title
         Heading; by default it names the metric.
+    ax
+        The panel to draw in, of a figure of the caller's; a new figure by default.
     path
         Where to save the figure, by the ending of its name: .png, .svg, .pdf.
 
@@ -87,37 +89,41 @@ def plot_mesh(
     ImportError
         If matplotlib is not installed.
     ValueError
-        If `metric` is no metric or `worst` is negative.
+        If an option is none of those above.
     """
-    shown_metric = find_metric(metric)
-    shown = _mesh_of(mesh)
+    shown_metric, shown = find_metric(metric), mesh_of(mesh)
+    if view not in ("whole", "worst"):
+        raise ValueError(f"view must be one of whole, worst; got {view!r}")
     measured = quality(shown)
     worst = _most_outlined(shown, worst)
-    ranked = measured.worst(worst, metric)
+    colours = colour_scale(shown_metric, [measured], scale)
     window = whole_window(shown)
-    figure, (axes,) = panels_for(1, window, colours=True)
-    scale = colour_scale(shown_metric, [measured])
-    draw_cells(axes, shown, shown_metric, measured, scale, window)
-    outline(axes, shown, ranked.cells, window)
-    figure.suptitle(title or f"Cells by {shown_metric.words}", fontsize=13)
-    colour_bar(figure, [axes], shown_metric, scale)
-    caption = f"{size_of(shown)}. {extremes(measured, shown_metric)}."
-    if len(ranked.cells):
-        caption += f" Outlined: the {plural(len(ranked.cells), 'worst cell')}."
+    if view == "worst":
+        window = window_around(shown, _worst_cell(shown_metric, measured))
+    sheet = drawing.map_sheet(ax, [window], bar=True)
+    zoomed = view != "whole"
+    staying = shown.is_fixed if zoomed else None
+    ranked = _draw(sheet.panels[0], shown, shown_metric, colours, window, worst, staying)
+    colours.draw_bar(sheet.panels, sheet.bar)
+    caption = f"{drawing.size_of(shown)}. {drawing.extremes(measured, shown_metric)}."
+    if ranked:
+        caption += f" Outlined: the {plural(ranked, 'worst cell')}."
     if np.isnan(measured[metric]).any():
         caption += " Grey: not defined for these cells."
-    add_caption(figure, caption)
-    return saved(figure, path)
+    caption += _invalid_words([measured]) + (_zoom_words(window) if zoomed else "")
+    return sheet.finish(title or f"Cells by {shown_metric.words}", caption, path)
 
 
 def plot_comparison(
     before: Drawable,
-    after: Drawable,
+    after: Drawable | None = None,
     *,
     view: View = "whole",
     metric: str = "max_angle",
+    scale: Scale = "linear",
     worst: int = 20,
     title: str = "",
+    ax: Sequence[Axes] | None = None,
     path: str | Path | None = None,
 ) -> Figure:
     """Draw a mesh before and after smoothing.
@@ -125,14 +131,19 @@ def plot_comparison(
     Parameters
     ----------
     before, after
-        The same cells at two sets of coordinates; `after` may be a `SmoothResult`.
+        The same cells at two sets of coordinates; either may be a `SmoothResult`, which alone
+        stands for both.
     view
-        ``"whole"``: side by side. ``"overlay"``: drawn over each other in two colours,
-        whole and around the worst cell. ``"worst"``, ``"narrow"``, ``"good"``: side by side,
-        zoomed on the worst cell of `before`, on a narrow place of the domain, on the place that
-        was best before.
-    metric, worst, title, path
-        As in `plot_mesh`.
+        ``"whole"``: side by side. ``"overlay"``: drawn over each other in two colours, whole and
+        around the worst cell; of 20 000 cells and more the whole shows how far vertices moved.
+        ``"worst"``, ``"left"``, ``"narrow"``, ``"good"``: side by side, zoomed on the worst cell
+        of `before`, on the worst that is left in `after`, on a narrow place of the domain, on the
+        place that was best before. In these, numbers and figures are written at the worst cells,
+        and vertices that stay are dots.
+    metric, scale, worst, title, path
+        As in `plot_mesh`; what is worst goes by the metric.
+    ax
+        Two panels to draw in, of a figure of the caller's.
 
     Returns
     -------
@@ -148,66 +159,64 @@ def plot_comparison(
     shown_metric = find_metric(metric)
     if view not in VIEWS:
         raise ValueError(f"view must be one of {', '.join(VIEWS)}; got {view!r}")
-    meshes = _mesh_of(before), _mesh_of(after)
-    if not np.array_equal(meshes[0].cell_offsets, meshes[1].cell_offsets) or not np.array_equal(
-        meshes[0].cell_vertices, meshes[1].cell_vertices
-    ):
-        raise ValueError("before and after must have the same cells")
+    meshes = _pair(before, after)
     measured = quality(meshes[0]), quality(meshes[1])
     worst = _most_outlined(meshes[0], worst)
-    method = getattr(after, "method", "")
-    if method:
-        method = f"{method_title(method)}, {plural(getattr(after, 'sweeps', 0), 'sweep')}"
+    result = before if after is None else after
+    names = "Before", _after_words(result)
     if view == "overlay":
-        return saved(_overlay(meshes, measured[0], method, title), path)
-    worst_cell = int(measured[0].worst(1).cells[0])
+        return _overlay(
+            meshes, _worst_cell(shown_metric, measured[0]), names, scale, title, ax, path
+        )
+    colours = colour_scale(shown_metric, measured, scale)
     window = {
         "whole": lambda: whole_window(*meshes),
-        "worst": lambda: window_around(meshes[0], worst_cell),
+        "worst": lambda: window_around(meshes[0], _worst_cell(shown_metric, measured[0])),
+        "left": lambda: window_around(meshes[1], _worst_cell(shown_metric, measured[1])),
         "narrow": lambda: narrow_window(meshes[0]),
         "good": lambda: good_window(meshes[0], measured[0]),
     }[view]()
-    figure, panels = panels_for(2, window, colours=True)
-    names = "Before", f"After ({method})" if method else "After"
-    scale = colour_scale(shown_metric, measured)
-    for axes, mesh, of, name in zip(panels, meshes, measured, names, strict=True):
-        draw_cells(axes, mesh, shown_metric, of, scale, window)
-        outline(axes, mesh, of.worst(worst, metric).cells, window)
-        axes.set_title(f"{name}\n{extremes(of, shown_metric, cells_in(mesh, window))}", fontsize=10)
+    sheet = drawing.map_sheet(ax, [window, window], bar=True)
+    staying = None
+    if view != "whole":
+        staying = meshes[0].is_fixed & (meshes[0].xy == meshes[1].xy).all(axis=1)
+    for axes, mesh, of, name in zip(sheet.panels, meshes, measured, names, strict=True):
+        _draw(axes, mesh, shown_metric, colours, window, worst, staying)
+        said = drawing.extremes(of, shown_metric, cells_in(mesh, window))
+        axes.set_title(f"{name}\n{said}", fontsize=10)
+    colours.draw_bar(sheet.panels, sheet.bar)
     headings = {
         "whole": f"Before and after: cells by {shown_metric.words}",
-        "worst": "Around the worst cell",
+        "worst": f"Around the worst cell before, by {shown_metric.words}",
+        "left": f"Around the worst cell that is left, by {shown_metric.words}",
         "narrow": "In a narrow place",
         "good": "Where the mesh was best before",
     }
-    figure.suptitle(title or headings[view], fontsize=13)
-    colour_bar(figure, panels, shown_metric, scale)
-    caption = f"{size_of(meshes[0])}. Outlined: the {plural(worst, 'worst cell')} of each mesh."
-    if view != "whole":
-        caption += f" The view is {window[1, 0] - window[0, 0]:.3g} wide; figures are those of it."
-    add_caption(figure, caption)
-    return saved(figure, path)
+    caption = f"{drawing.size_of(meshes[0])}. Outlined: the {plural(worst, 'worst cell')} of each "
+    caption += "mesh." + _invalid_words(measured)
+    if staying is not None:
+        caption += _zoom_words(window)
+    if view == "left":
+        caption += _limit_words(shown_metric, result)
+    return sheet.finish(title or headings[view], caption, path)
 
 
-def plot_histograms(
-    before: Drawable | Summary,
-    after: Drawable | Summary | None = None,
+def plot_displacement(
+    before: Drawable,
+    after: Drawable | None = None,
     *,
-    metrics: str | Sequence[str] | None = None,
+    scale: Scale = "linear",
     title: str = "",
+    ax: Axes | None = None,
     path: str | Path | None = None,
 ) -> Figure:
-    """Draw histograms of metrics, by default of the angles and of the aspect ratios.
+    """Draw how far vertices moved, over the mean length of their edges before.
 
     Parameters
     ----------
     before, after
-        Meshes, summaries, or a `SmoothResult`, which alone stands for both; `after` may be
-        left out.
-    metrics
-        Names, in a sequence or with commas between; those without bins are left out. Summaries
-        have those that they were made with.
-    title, path
+        As in `plot_comparison`. Each cell has the colour of its corner that moved farthest.
+    scale, title, ax, path
         As in `plot_mesh`.
 
     Returns
@@ -216,121 +225,130 @@ def plot_histograms(
 
     Raises
     ------
-    ImportError
-        If matplotlib is not installed.
-    ValueError
-        If a name is no metric, or there is none with bins.
+    ImportError, ValueError
+        As in `plot_comparison`.
     """
-    if after is None and hasattr(before, "before"):
-        result: Any = before
-        summaries = [result.before, result.after]
-    else:
-        summaries = [_summary_of(mesh, metrics) for mesh in (before, after) if mesh is not None]
-    measured = summaries[0].histograms
-    shown = (
-        list(measured) if metrics is None else [n for n in parse_metrics(metrics) if n in measured]
-    )
-    if not shown:
-        raise ValueError("none of the metrics has a histogram")
-    names = ["Before", "After"] if len(summaries) == 2 else ["All cells"]
-    colours = [BEFORE_COLOUR, AFTER_COLOUR] if len(summaries) == 2 else [AFTER_COLOUR]
-    figure = new_figure(max(13.0, 4.3 * len(shown)), 4.6)
-    for n, name in enumerate(shown):
-        metric = METRICS[name]
-        axes = figure.add_subplot(1, len(shown), n + 1)
-        labels = summaries[0].histograms[name].labels
-        places = np.arange(len(labels))
-        width = 0.84 / len(summaries)
-        for k, (summary, which, colour) in enumerate(zip(summaries, names, colours, strict=True)):
-            at = places + (k - 0.5 * (len(summaries) - 1)) * width
-            worst, mean = summary.worst[name], summary.mean[name]
-            axes.bar(
-                at,
-                summary.histograms[name].percent,
-                width,
-                color=colour,
-                edgecolor="white",
-                linewidth=0.4,
-                hatch="" if k else ("////" if len(summaries) == 2 else ""),
-                label=f"{which}: worst {metric.text(worst)}, mean {metric.text(mean)}",
-            )
-        edges = summaries[0].histograms[name].edges
-        ticks = [f"{e:g}" for e in edges if np.isfinite(e)]
-        axes.set_xticks(np.arange(len(ticks)) - 0.5, ticks, fontsize=8)
-        axes.tick_params(axis="y", labelsize=8)
-        axes.set_xlim(-0.6, len(labels) - 0.4)
-        if np.isinf(edges[-1]):
-            axes.text(len(labels) - 0.5, 0, "and\nmore", fontsize=7, ha="center", va="bottom")
-        axes.set_xlabel(f"{metric.title} of a cell{metric.unit_words}", fontsize=9)
-        axes.set_ylabel("Per cent of the cells", fontsize=9)
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.set_ylim(0.0, 1.28 * max(max(s.histograms[name].percent) for s in summaries))
-        axes.legend(fontsize=8, frameon=False, loc="upper right")
-    figure.suptitle(title or "Quality of the cells", fontsize=13)
-    invalid = ", ".join(
-        f"{summary.n_invalid} {name.lower() if len(summaries) == 2 else ''}".strip()
-        for summary, name in zip(summaries, names, strict=True)
-    )
-    add_caption(
-        figure,
-        " ".join(
-            [
-                f"{plural(summaries[0].n_cells, 'cell')}.",
-                *(METRICS[name].explanation for name in shown if not METRICS[name].evident),
-                f"Cells not valid: {invalid}.",
-            ]
-        ),
-    )
-    return saved(figure, path)
+    meshes = _pair(before, after)
+    shares = moved_shares(*meshes)
+    colours, window = moves_scale(shares, scale), whole_window(meshes[1])
+    sheet = drawing.map_sheet(ax, [window], bar=True)
+    _draw_moves(sheet.panels[0], meshes[1], shares, colours, window)
+    colours.draw_bar(sheet.panels, sheet.bar)
+    return sheet.finish(title or "How far vertices moved", _moves_words(meshes[1], shares), path)
 
 
-def save_figures(
-    before: Mesh, result: SmoothResult, folder: str | Path, *, metric: str = "max_angle"
-) -> list[Path]:
-    """Draw every figure of a smoothing, and save each as PNG and SVG.
+def plot_methods(
+    results: Mapping[str, SmoothResult] | Sequence[SmoothResult],
+    *,
+    view: MeshView = "whole",
+    metric: str = "max_angle",
+    scale: Scale = "linear",
+    worst: int = 20,
+    title: str = "",
+    ax: Sequence[Axes] | None = None,
+    path: str | Path | None = None,
+) -> Figure:
+    """Draw what several methods made of a mesh side by side, after the mesh itself.
 
     Parameters
     ----------
-    before, result
-        The mesh that was smoothed and what came out.
-    folder
-        Made if it is not there.
-    metric
-        What the cells are coloured by.
+    results
+        As `compare` gives them, or a sequence of results, all from the same start.
+    view
+        ``"whole"``, or ``"worst"``: zoomed on the worst cell before.
+    metric, scale, worst, title, path
+        As in `plot_mesh`.
+    ax
+        Panels to draw in, of a figure of the caller's: one more than there are results.
 
     Returns
     -------
-    list of Path
-        The files written.
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    ImportError, ValueError
+        As in `plot_comparison`; or if there is no result.
     """
-    require_matplotlib()
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    figures: dict[str, Callable[[], Figure]] = {
-        "before": partial(plot_mesh, before, metric=metric, title="Before smoothing"),
-        "after": partial(plot_mesh, result, metric=metric, title="After smoothing"),
-        "histograms": partial(plot_histograms, result),
-    }
-    for view in VIEWS:
-        figures[f"comparison-{view}"] = partial(
-            plot_comparison, before, result, view=view, metric=metric
-        )
-    paths = []
-    for name, draw in figures.items():
-        figure = draw()
-        for ending in ("png", "svg"):
-            paths.append(folder / f"{name}.{ending}")
-            save(figure, paths[-1])
-    return paths
+    shown_metric, named = find_metric(metric), named_results(results)
+    if view not in ("whole", "worst"):
+        raise ValueError(f"view must be one of whole, worst; got {view!r}")
+    before = before_of(next(iter(named.values())))
+    meshes = [before, *(_pair(before, result)[1] for result in named.values())]
+    measured = [quality(mesh) for mesh in meshes]
+    worst = _most_outlined(before, worst)
+    colours = colour_scale(shown_metric, measured, scale)
+    window = whole_window(*meshes)
+    if view == "worst":
+        window = window_around(before, _worst_cell(shown_metric, measured[0]))
+    columns = min(len(meshes), 3 if len(meshes) < 7 else 4)
+    sheet = drawing.map_sheet(ax, [window] * len(meshes), bar=True, columns=columns)
+    staying = before.is_fixed if view == "worst" else None
+    for axes, mesh, of, name in zip(
+        sheet.panels, meshes, measured, ("Before", *named), strict=True
+    ):
+        _draw(axes, mesh, shown_metric, colours, window, worst, staying)
+        said = drawing.extremes(of, shown_metric, cells_in(mesh, window))
+        axes.set_title(f"{name}\n{said}", fontsize=9)
+    colours.draw_bar(sheet.panels, sheet.bar)
+    caption = (
+        f"{drawing.size_of(before)}. Outlined: the {plural(worst, 'worst cell')} of each mesh."
+    )
+    caption += _invalid_words(measured) + (_zoom_words(window) if view == "worst" else "")
+    return sheet.finish(title or f"What methods make of it, by {shown_metric.words}", caption, path)
 
 
-def _mesh_of(mesh: Any) -> Mesh:
+def mesh_of(mesh: Any) -> Mesh:
+    """Give the mesh of what can be drawn, of a result the one after smoothing."""
     inner = getattr(mesh, "mesh", None)
     return inner if isinstance(inner, Mesh) else as_mesh(mesh)
 
 
-def _summary_of(mesh: Any, metrics: str | Sequence[str] | None) -> Summary:
-    return mesh if isinstance(mesh, Summary) else quality(_mesh_of(mesh)).summary(metrics)
+def before_of(result: SmoothResult) -> Mesh:
+    """Give the mesh that a result began with."""
+    return result.mesh.with_points(result.quality_before.points)
+
+
+def named_results(
+    results: Mapping[str, SmoothResult] | Sequence[SmoothResult],
+) -> dict[str, SmoothResult]:
+    """Give results by the titles of their methods."""
+    if not results:
+        raise ValueError("there is no result to draw")
+    if not isinstance(results, Mapping):
+        named: dict[str, SmoothResult] = {}
+        for result in results:
+            count = sum(of.method == result.method for of in named.values())
+            named[f"{result.method} ({count + 1})" if count else result.method] = result
+        results = named
+    return {method_title(name): result for name, result in results.items()}
+
+
+def moved_shares(before: Mesh, after: Mesh) -> FloatArray:
+    """How far each vertex moved over the mean of its edges before, (n_vertices,)."""
+    lengths = edge_lengths(before)
+    moved = np.linalg.norm(after.xy - before.xy, axis=1)
+    shares: FloatArray = np.divide(moved, lengths, out=np.zeros_like(moved), where=lengths > 0.0)
+    return shares
+
+
+def _pair(before: Any, after: Any) -> tuple[Mesh, Mesh]:
+    if after is None:
+        if not hasattr(before, "quality_before"):
+            raise ValueError("after is missing: only a SmoothResult stands for both meshes")
+        return before_of(before), before.mesh
+    meshes = mesh_of(before), mesh_of(after)
+    if not np.array_equal(meshes[0].cell_offsets, meshes[1].cell_offsets) or not np.array_equal(
+        meshes[0].cell_vertices, meshes[1].cell_vertices
+    ):
+        raise ValueError("before and after must have the same cells")
+    return meshes
+
+
+def _worst_cell(metric: Metric, measured: Quality) -> int:
+    """The worst cell by a metric, by that which ranks all where it is not defined for any."""
+    ranked = metric.worst_cells(measured[metric.name], 1)
+    return int(ranked[0] if len(ranked) else measured.worst(1).cells[0])
 
 
 def _most_outlined(mesh: Mesh, worst: int) -> int:
@@ -339,36 +357,116 @@ def _most_outlined(mesh: Mesh, worst: int) -> int:
     return min(worst, math.ceil(LARGEST_OUTLINED_SHARE * mesh.n_cells))
 
 
-def _overlay(meshes: tuple[Mesh, Mesh], measured: Quality, method: str, title: str) -> Figure:
-    from matplotlib.collections import LineCollection
+def _draw(
+    axes: Axes,
+    mesh: Mesh,
+    metric: Metric,
+    colours: ColourScale,
+    window: FloatArray,
+    worst: int,
+    staying: BoolArray | None,
+) -> int:
+    """Draw a mesh and its worst cells, zoomed where `staying` is given; count of the worst."""
+    measured = quality(mesh)
+    values = measured[metric.name]
+    drawing.draw_cells(axes, mesh, values, colours, window)
+    drawing.mark_invalid(axes, mesh, measured, window)
+    ranked: IndexArray = metric.worst_cells(values, worst)
+    drawing.outline(axes, mesh, ranked, window)
+    written = ranked[:WRITTEN_WHOLE]
+    if staying is not None:
+        drawing.mark_staying(axes, mesh, staying, window)
+        seen = np.flatnonzero(cells_in(mesh, window))
+        written = seen[metric.worst_cells(values[seen], min(worst, WRITTEN_ZOOMED))]
+
+    def text(cell: int) -> str:
+        corners = mesh.cell_vertices[mesh.cell_offsets[cell] : mesh.cell_offsets[cell + 1]]
+        said = f"{cell}: {metric.text(float(values[cell]))}"
+        n_staying = 0 if staying is None else int(staying[corners].sum())
+        return f"{said}, {n_staying} of {len(corners)} stay" if n_staying else said
+
+    drawing.label_cells(axes, mesh, written, window, text)
+    return len(ranked)
+
+
+def _draw_moves(
+    axes: Axes, mesh: Mesh, shares: FloatArray, colours: ColourScale, window: FloatArray
+) -> None:
+    values = np.maximum.reduceat(shares[mesh.cell_vertices], mesh.cell_offsets[:-1])
+    drawing.draw_cells(axes, mesh, values, colours, window)
+
+
+def _moves_words(mesh: Mesh, shares: FloatArray) -> str:
+    n_moved = int((shares > 0.0).sum())
+    text = f"{drawing.size_of(mesh)}. {plural(n_moved, 'vertex', 'vertices')} moved"
+    if n_moved:
+        text += f", by {np.median(shares[shares > 0.0]):.2g} in the median"
+        text += f", by {shares.max():.2g} at most, vertex {int(np.argmax(shares))}"
+    return f"{text}. A cell has the colour of its corner that moved farthest."
+
+
+def _after_words(after: Any) -> str:
+    method = getattr(after, "method", "")
+    if not method:
+        return "After"
+    return f"After ({method_title(method)}, {plural(getattr(after, 'sweeps', 0), 'sweep')})"
+
+
+def _invalid_words(measured: Sequence[Quality]) -> str:
+    return " Nearly black: not valid." if any(of.n_invalid for of in measured) else ""
+
+
+def _zoom_words(window: FloatArray) -> str:
+    return (
+        f" The view is {window[1, 0] - window[0, 0]:.3g} wide; figures are those of it. Numbers: "
+        "cells, and corners of these that stay; dots: vertices that stay."
+    )
+
+
+def _limit_words(metric: Metric, result: Any) -> str:
+    """Say how far from the best of any placement what is left is, if a run has found that."""
+    limits = getattr(getattr(result, "outcome", None), "limits", None)
+    if limits is None or metric.name not in ("min_angle", "max_angle"):
+        return ""
+    text = str(limits).splitlines()[0 if metric.name == "min_angle" else 1]
+    return f" Of the mesh: {text}."
+
+
+def _overlay(
+    meshes: tuple[Mesh, Mesh],
+    cell: int,
+    names: tuple[str, str],
+    scale: Scale,
+    title: str,
+    ax: Sequence[Axes] | None,
+    path: str | Path | None,
+) -> Figure:
     from matplotlib.lines import Line2D
 
     whole = whole_window(*meshes)
     slope = float(np.clip(np.ptp(whole[:, 1]) / np.ptp(whole[:, 0]), 0.1, 4.0))
-    zoom = window_around(meshes[0], int(measured.worst(1).cells[0]), slope)
-    figure, panels = panels_for(2, whole, colours=False)
-    names = "Before", f"After ({method})" if method else "After"
-    for axes, window in zip(panels, (whole, zoom), strict=True):
-        for mesh, colour in zip(meshes, (BEFORE_COLOUR, AFTER_COLOUR), strict=True):
-            cells = np.flatnonzero(cells_in(mesh, window))
-            width = line_width(axes, mesh, cells, window)
-            segments: Any = mesh.xy[edges_of(mesh, cells)]
-            lines = LineCollection(
-                segments, colors=colour, linewidths=max(1.6 * width, 0.12), alpha=0.85
-            )
-            lines.set_rasterized(len(cells) > VECTOR_CELLS)
-            axes.add_collection(lines, autolim=False)
-    panels[0].set_title("Whole", fontsize=10)
-    panels[1].set_title("Around the worst cell", fontsize=10)
-    panels[1].set_xlim(*zoom[:, 0])
-    panels[1].set_ylim(*zoom[:, 1])
-    figure.suptitle(title or "Both meshes drawn over each other", fontsize=13)
-    figure.legend(
-        [Line2D([], [], color=c, linewidth=2) for c in (BEFORE_COLOUR, AFTER_COLOUR)],
+    windows = whole, window_around(meshes[0], cell, slope)
+    moves = meshes[0].n_cells >= OVERLAY_CELLS
+    sheet = drawing.map_sheet(ax, windows, bar=moves)
+    for axes, window in zip(sheet.panels[moves:], windows[moves:], strict=True):
+        drawing.draw_nets(axes, meshes, window)
+    sheet.panels[0].set_title("Whole", fontsize=10)
+    sheet.panels[1].set_title("Around the worst cell before", fontsize=10)
+    caption = f"{drawing.size_of(meshes[0])}."
+    if moves:
+        shares = moved_shares(*meshes)
+        colours = moves_scale(shares, scale)
+        _draw_moves(sheet.panels[0], meshes[1], shares, colours, whole)
+        colours.draw_bar(sheet.panels, sheet.bar)
+        sheet.panels[0].set_title("How far vertices moved", fontsize=10)
+        caption = _moves_words(meshes[1], shares)
+    sheet.panels[1].legend(
+        [
+            Line2D([], [], color=colour, linewidth=2)
+            for colour in (drawing.BEFORE_COLOUR, drawing.AFTER_COLOUR)
+        ],
         names,
-        loc="outside upper right",
-        fontsize=9,
-        frameon=False,
+        loc="upper right",
+        fontsize=8,
     )
-    add_caption(figure, f"{size_of(meshes[0])}. The boundary does not move.")
-    return figure
+    return sheet.finish(title or "Both meshes drawn over each other", caption, path)

@@ -13,7 +13,7 @@ from qsmooth.metrics import Quality
 # A zoomed view shows about so many cells.
 ZOOM_CELLS = 120
 # Places that are tried when looking for the narrowest and the best.
-CANDIDATES = 300
+CANDIDATES = 120
 # Of the places with about the largest share of the boundary, from this fraction up, the smallest
 # is shown as the narrow one.
 NARROW_SHARE = 0.9
@@ -64,7 +64,7 @@ def window_around(mesh: Mesh, cell: int, slope: float = 1.0) -> FloatArray:
 
 def _candidates(mesh: Mesh) -> IndexArray:
     # On large meshes fewer, as each is compared with all cells.
-    n = min(CANDIDATES, mesh.n_cells, max(20, 30_000_000 // mesh.n_cells))
+    n = min(CANDIDATES, mesh.n_cells, max(20, 3_000_000 // mesh.n_cells))
     return np.unique(np.linspace(0, mesh.n_cells - 1, n).astype(np.int64))
 
 
@@ -82,10 +82,20 @@ def narrow_window(mesh: Mesh) -> FloatArray:
 
 
 def good_window(mesh: Mesh, measured: Quality) -> FloatArray:
-    """Around the candidate whose neighbourhood has the best mean."""
+    """Around the candidate whose neighbourhood has the best worst cell, then the best mean."""
     centres, candidates = _centres(mesh), _candidates(mesh)
-    means = [measured["scaled_jacobian"][_nearest(centres, int(c))].mean() for c in candidates]
-    return window_around(mesh, int(candidates[int(np.argmax(means))]))
+    near = [measured["scaled_jacobian"][_nearest(centres, int(c))] for c in candidates]
+    ranked = [(float(of.min()), float(of.mean())) for of in near]
+    return window_around(mesh, int(candidates[ranked.index(max(ranked))]))
+
+
+def edge_lengths(mesh: Mesh) -> FloatArray:
+    """Mean length of the edges at each vertex, (n_vertices,); 0 where there is none."""
+    counts = np.diff(mesh.ring_offsets)
+    rows = np.repeat(np.arange(mesh.n_vertices), counts)
+    lengths = np.linalg.norm(mesh.xy[mesh.ring_vertices] - mesh.xy[rows], axis=1)
+    means: FloatArray = np.bincount(rows, lengths, mesh.n_vertices) / np.maximum(counts, 1)
+    return means
 
 
 def cells_in(mesh: Mesh, window: FloatArray) -> BoolArray:

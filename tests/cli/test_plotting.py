@@ -1,0 +1,29 @@
+"""``--plot`` and ``--with-quality``."""
+
+import numpy as np
+import pytest
+
+from qsmooth import quality, read_mesh
+
+
+@pytest.mark.parametrize("command", [["quality"], ["compare", "--methods", "laplacian,star"]])
+def test_figures_of_commands(call, mesh_file, tmp_path, command):
+    pytest.importorskip("matplotlib")
+    folder = tmp_path / "figures"
+    flags = ["--sweeps", 2] if command[0] == "compare" else ["--plot-scale", "quantiles"]
+    code, out, _ = call(command[0], mesh_file, *command[1:], *flags, "--plot", folder)
+    assert code == 0
+    assert out.rstrip().endswith(f"Wrote {folder}")
+    assert len(list(folder.iterdir())) == 6
+
+
+def test_every_metric_in_a_file(call, fails, mesh_file, tmp_path):
+    out_file = tmp_path / "out.vtu"
+    assert call("convert", mesh_file, out_file, "--with-quality")[0] == 0
+    mesh = read_mesh(out_file)
+    data = mesh.source.cell_data
+    assert np.array_equal(np.concatenate(data["max_angle"]), quality(mesh).max_angle)
+    assert "validity" in data
+    message = fails("convert", mesh_file, tmp_path / "out.su2", "--with-quality")
+    assert "format su2" in message
+    assert "holds no cell data; vtu and vtk do" in message
