@@ -127,4 +127,3 @@ def _wrapped(text: str, width: int, indent: int = 0, hanging: str | None = None)
             break_on_hyphens=False,
         )
     )
-
