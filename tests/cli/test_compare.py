@@ -29,6 +29,8 @@ def test_compare_puts_methods_side_by_side(call, mesh_file):
 
 def test_compare_at_80_columns_takes_two_screens(call, mesh_file, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.chdir(mesh_file.parent)
+    mesh_file = mesh_file.name
     code, out, _ = call("compare", mesh_file, "--sweeps", 2)
     assert code == 0
     lines = out.splitlines()
