@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -12,6 +13,9 @@ from qsmooth.result import SweepRecord
 
 if TYPE_CHECKING:
     from qsmooth.methods.base import Method
+
+# From so many characters on there is room for the angles, too.
+WIDE = 100
 
 # Called with a record, the sweeps so far, and the most that there can be, None where it is not
 # known what a run will take.
@@ -44,24 +48,44 @@ def watched(method: Method, progress: bool | Shown | None) -> Iterator[Method]:
 
 @contextmanager
 def bar(console: Any, name: str) -> Iterator[Shown]:
-    """Show a bar on a console of rich; it pulses where it is not known how many sweeps come."""
+    """Show a bar on a console of rich; it pulses where it is not known how many sweeps come.
+
+    Where it is, it also says how long they will take; a method that rests may stop before.
+    """
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+    texts = ["{task.fields[done]}", "{task.fields[left]}"]
+    texts += ["{task.fields[state]}"] if console.width >= WIDE else []
     columns = (
         TextColumn("{task.fields[method]}"),
-        BarColumn(),
-        TextColumn("{task.fields[done]}"),
+        BarColumn(bar_width=None),
         TimeElapsedColumn(),
-        TextColumn("{task.fields[state]}"),
+        *map(TextColumn, texts),
     )
-    with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task("", total=None, method=name, done="", state="")
+    first: tuple[float, int] | None = None
+    with Progress(*columns, console=console, transient=True, expand=True) as progress:
+        task = progress.add_task("", total=None, method=name, done="", left="", state="")
 
         def show(record: SweepRecord, done: int, total: int | None) -> None:
+            nonlocal first
+            now = time.monotonic()
+            first = first or (now, done)  # whatever is compiled is compiled by then
             text = f"about {done} sweeps" if total is None else f"{done} of {total} sweeps"
-            progress.update(task, total=total, completed=done, done=text, state=_state(record))
+            left = "" if total is None else left_text(now - first[0], done - first[1], total - done)
+            progress.update(
+                task, total=total, completed=done, done=text, left=left, state=_state(record)
+            )
 
         yield show
+
+
+def left_text(seconds: float, sweeps: int, to_come: int) -> str:
+    """Say how long the sweeps to come will take, from the time that some have taken; or nothing."""
+    if sweeps <= 0:
+        return ""
+    left = round(seconds / sweeps * to_come)
+    minutes, rest = divmod(left, 60)
+    return f"{minutes}:{rest:02d} min left" if minutes else f"{left} s left"
 
 
 @contextmanager

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 BEST = "*"
 LONGEST_BAR = 12
 NOTE_WIDTH = 100
+# Characters between two columns.
+BETWEEN = 2
 # Eighths of a character cell, from one to seven, then a full one.
 EIGHTHS = "▏▎▍▌▋▊▉█"
 # For terminals whose encoding lacks these.
@@ -71,14 +73,51 @@ class Table:
         )
         return replace(self, columns=tuple(self.columns[k] for k in columns), sections=sections)
 
-    def __str__(self) -> str:
-        heads = (self.corner, *self.columns)
+    def narrowed(self, width: int, kept: int = 0) -> list[Table]:
+        """Spread the columns over tables that fit a line of so many characters.
+
+        The first `kept` columns stand in each.
+        """
+        label, *widths = (w + BETWEEN for w in self._widths(broken=True))
+        label -= BETWEEN
+        groups: list[list[int]] = [[]]
+        for k in range(kept, len(widths)):
+            shown = [*range(kept), *groups[-1], k]
+            if groups[-1] and label + sum(widths[n] for n in shown) > width:
+                groups.append([])
+            groups[-1].append(k)
+        tables = [self.only([*range(kept), *group]) for group in groups]
+        return [replace(t, note="") for t in tables[:-1]] + tables[-1:]
+
+    @property
+    def natural_width(self) -> int:
+        """Characters that it takes on a terminal, its names of columns unbroken."""
+        return sum(width + BETWEEN for width in self._widths()) - BETWEEN
+
+    def _widths(self, broken: bool = False) -> list[int]:
         lines = [
             (row.label, *self._marked(section, row))
             for section in self.sections
             for row in section.rows
         ]
-        widths = [max(map(len, column)) for column in zip(heads, *lines, strict=True)]
+        heads = [(self.corner,), *(name.split() if broken else (name,) for name in self.columns)]
+        columns = zip(*lines, strict=True) if lines else ((),) * len(heads)
+        return [widest([*h, *c]) for h, c in zip(heads, columns, strict=True)]
+
+    def __str__(self) -> str:
+        return self.text()
+
+    def text(self, width: int | None = None) -> str:
+        """Write it as plain text; names of columns are broken where `width` asks for that."""
+        widths = self._widths()
+        broken = width is not None and sum(widths) + BETWEEN * (len(widths) - 1) > width
+        if broken:
+            widths = self._widths(broken=True)
+        heads: list[list[str]] = [[self.corner]]
+        for name, w in zip(self.columns, widths[1:], strict=True):
+            heads.append((textwrap.wrap(name, w) if broken else [name]) or [""])
+        height = max(map(len, heads))
+        heads = [[""] * (height - len(head)) + head for head in heads]
 
         def line(cells: Sequence[str]) -> str:
             padded = [cells[0].ljust(widths[0])]
@@ -86,14 +125,14 @@ class Table:
             padded += [pad(c, w) for c, w in zip(cells[1:], widths[1:], strict=True)]
             return "  ".join(padded).rstrip()
 
-        rule = sum(widths) + 2 * (len(widths) - 1)
+        rule = sum(widths) + BETWEEN * (len(widths) - 1)
         out = [self.title, ""] if self.title else []
-        out += [line(heads)] if any(self.columns) else []
+        out += [line(cells) for cells in zip(*heads, strict=True)] if any(self.columns) else []
         for section in self.sections:
             out += ["", section.title, "-" * rule] if section.title else ["-" * rule]
             out += [line((row.label, *self._marked(section, row))) for row in section.rows]
         if self.note:
-            out += ["", *textwrap.wrap(self.note, NOTE_WIDTH)]
+            out += ["", *textwrap.wrap(self.note, min(width or NOTE_WIDTH, NOTE_WIDTH))]
         return "\n".join(out).lstrip("\n")
 
     def _marked(self, section: Section, row: Row) -> list[str]:

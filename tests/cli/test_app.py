@@ -43,6 +43,21 @@ def test_help_of_a_command(call, command):
     assert f"qsmooth {command}" in out
 
 
+@pytest.mark.parametrize("width", [40, 60, 80, 120])
+@pytest.mark.parametrize("command", [None, *NAMES])
+def test_help_is_readable_at_any_width(call, monkeypatch, command, width):
+    monkeypatch.setenv("COLUMNS", str(width))
+    code, out, _ = call(*filter(None, [command]), "--help")
+    assert code == 0
+    assert max(map(len, out.splitlines())) <= width
+    assert "…" not in out
+    assert not re.search(r"<\w+>|VALUE\b(?<!=VALUE)|\[/?(b|dim)\]|\\", out)
+    for known in COMMANDS:
+        if known.name == command:
+            for flag in (flag for made in known.made() for flag in made.flags):
+                assert re.search(rf"{flag}(?![\w-])", out)
+
+
 @pytest.mark.parametrize("command", [None, *NAMES])
 def test_help_loads_nothing_heavy(start, command):
     heavy = ["numba", "scipy", "meshio", "matplotlib"]

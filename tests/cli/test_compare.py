@@ -27,6 +27,23 @@ def test_compare_puts_methods_side_by_side(call, mesh_file):
     assert mesh_file.read_bytes() == before
 
 
+def test_compare_at_80_columns_takes_two_screens(call, mesh_file, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.chdir(mesh_file.parent)
+    mesh_file = mesh_file.name
+    code, out, _ = call("compare", mesh_file, "--sweeps", 2)
+    assert code == 0
+    lines = out.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert len(lines) <= 80
+    assert "Cells by" not in out
+    assert re.search(r": best or equal in \d+ of 13 figures; skipped: aspect-ratio$",
+                     " ".join(lines))  # fmt: skip
+    out = call("compare", mesh_file, "--methods", "star,quad", "--sweeps", 1, "--histograms")[1]
+    assert "Cells by smallest angle" in out
+    assert max(map(len, out.splitlines())) <= 80
+
+
 def test_compare_takes_names_and_options(call, mesh_file, tmp_path):
     report = tmp_path / "report.json"
     code, out, _ = call(

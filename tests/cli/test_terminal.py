@@ -6,6 +6,7 @@ import sys
 
 import pytest
 
+from qsmooth.bars import left_text
 from qsmooth.cli import run
 
 pytestmark = pytest.mark.nojit
@@ -39,5 +40,20 @@ def test_terminals_get_colour_and_progress(mesh_file, tmp_path, monkeypatch, arg
     assert "…" not in bare
     if command == "compare":
         assert "3 of 3 sweeps" in err.getvalue()
+        assert "star (6 of 6)" in err.getvalue()
+        assert "0 s left" in err.getvalue()
     if command == "smooth":  # the optimiser's rounds, whose count nobody knows
         assert "about 10 sweeps" in err.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("seconds", "sweeps", "to_come", "text"),
+    [
+        (0.0, 0, 9, ""),
+        (2.0, 4, 10, "5 s left"),
+        (60.0, 2, 3, "1:30 min left"),
+        (1, 1, 0, "0 s left"),
+    ],
+)
+def test_what_is_left_of_a_run(seconds, sweeps, to_come, text):
+    assert left_text(seconds, sweeps, to_come) == text

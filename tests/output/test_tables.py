@@ -1,4 +1,3 @@
-import io
 import json
 import re
 
@@ -15,6 +14,7 @@ from qsmooth.output.tables import (
     comparison_tables,
     method_title,
     summary_table,
+    verdict,
     worst_table,
 )
 from qsmooth.table import bar, percent_text, plain
@@ -117,23 +117,52 @@ def test_nothing_is_best_among_equals(results):
     assert rows["Largest angle"].best == {1, 2}
 
 
-@pytest.mark.parametrize("width", [70, 80, 100, 120, 200])
+@pytest.mark.parametrize("width", [60, 70, 80, 100, 120, 200])
 def test_comparison_fits_the_terminal(results, width):
-    from rich.console import Console
-
-    tables = comparison_tables(results[0].before, results, width=width)
-    assert all(table.columns[0] == "Original" for table in tables)
-    names = [name for table in tables for name in table.columns[1:]]
-    assert names == ["By star", "By quad", "Laplacian"]
-    out = io.StringIO()
-    console = Console(file=out, width=width, force_terminal=True, color_system=None)
-    for table in tables:
-        console.print(table)
-    text = out.getvalue()
+    tables = comparison_tables(results[0].before, results, width=width, histograms=True)
+    text = "\n".join(table.text(width) for table in tables)
     assert max(map(len, text.splitlines())) <= width
-    assert "…" not in text
-    for name in ("Mean of scaled Jacobians", "180 and more degrees", *names):
+    for name in ("Original", "By star", "By quad", "Laplacian", "180 and more degrees"):
         assert name in text
+    (wide,) = comparison_tables(results[0].before, results)
+    cells = {c for s in wide.sections for row in s.rows for c in row.cells if c.strip()}
+    assert all(cell in text for cell in cells)
+
+
+def test_comparison_of_many_at_80_columns_takes_a_table_a_section(results):
+    tables = comparison_tables(results[0].before, 2 * results, width=80)
+    assert len(tables) == 3
+    assert "Cells by" not in str(tables)
+    marked = {row.label for table in tables for s in table.sections for row in s.rows if row.best}
+    (wide,) = comparison_tables(results[0].before, 2 * results)
+    best = {wide.columns[k] for s in wide.sections for row in s.rows for k in row.best}
+    assert marked == best
+
+
+def test_verdict_counts_what_is_best_or_equal(results):
+    before = results[0].before
+    text = verdict(before, results, ["angle"])
+    name, counts = re.match(r"([\w, ]+): best or equal in (\d+ of 13) figures", text).groups()
+    assert name in ("star", "quad", "laplacian")
+    assert int(counts.split()[0]) > 0
+    assert text.endswith("; skipped: angle")
+
+
+def test_verdict_prefers_valid_meshes_and_says_what_is_left_invalid():
+    from qsmooth.examples import notch
+
+    mesh = notch(200)
+    both = [smooth(mesh, name, max_sweeps=50) for name in ("laplacian", "smart-laplacian")]
+    assert both[0].after.n_invalid
+    text = verdict(both[0].before, both)
+    assert text.startswith("smart-laplacian: best")
+    assert f"cells left invalid: laplacian {both[0].after.n_invalid}" in text
+
+
+def test_verdict_where_nothing_changed():
+    mesh = spiral(200)
+    text = verdict(quality(mesh).summary(), [smooth(mesh, "star", max_sweeps=0)])
+    assert text.startswith("no method changed the mesh")
 
 
 def test_worst_cells_with_places():

@@ -23,6 +23,7 @@ from qsmooth.cli.convert import convert
 from qsmooth.cli.demo import demo
 from qsmooth.cli.files import DebugOption
 from qsmooth.cli.formats import formats
+from qsmooth.cli.help import HelpfulCommand, HelpfulGroup
 from qsmooth.cli.info import info
 from qsmooth.cli.methods import methods
 from qsmooth.cli.options import Command, with_options
@@ -128,6 +129,7 @@ def make_app(called: Collection[str] = ()) -> typer.Typer:
     """Put the commands together; those that may be called, by name, with their made options."""
     app = typer.Typer(
         name="qsmooth",
+        cls=HelpfulGroup,
         add_completion=False,
         pretty_exceptions_enable=False,
         rich_markup_mode="rich",
@@ -135,7 +137,7 @@ def make_app(called: Collection[str] = ()) -> typer.Typer:
     )
     app.callback(invoke_without_command=True)(_root)
     for command in COMMANDS:
-        app.command()(with_options(command, made=command.name in called))
+        app.command(cls=HelpfulCommand)(with_options(command, made=command.name in called))
     return app
 
 

@@ -11,7 +11,7 @@ import typer
 
 from qsmooth._words import did_you_mean
 from qsmooth.cli import files, plotting, running, terminal
-from qsmooth.cli.options import METHOD, named, spell
+from qsmooth.cli.options import METHOD, REPORT, named, spell
 from qsmooth.options import spelled
 
 if TYPE_CHECKING:
@@ -36,6 +36,10 @@ def compare(
     surface: files.SurfaceOption = files.Surface.auto,
     geographic: files.GeographicOption = None,
     format: files.FormatOption = None,
+    histograms: Annotated[
+        bool,
+        typer.Option("--histograms", help="Also show the histograms.", rich_help_panel=REPORT),
+    ] = False,
     plot: plotting.PlotOption = None,
     plot_metric: plotting.MetricOption = "max_angle",
     plot_scale: plotting.ScaleOption = plotting.Scale.linear,
@@ -77,7 +81,7 @@ def compare(
     with files.Outputs() as outputs:
         shown = not outputs.put_json(json_file, facts)
         if shown:
-            show(str(mesh_file), results, skipped)
+            show(str(mesh_file), results, skipped, histograms)
         plotting.draw(outputs, plot, save)
         if shown and plot in outputs.written:
             terminal.write_line(f"Wrote {plot}")
@@ -113,26 +117,36 @@ def with_options(names: Sequence[str], options: Mapping[str, Any]) -> list[Metho
 
 def run_all(mesh: Mesh, chosen: Sequence[Method]) -> tuple[list[SmoothResult], dict[str, str]]:
     """Smooth with each method; also why methods were skipped, by name."""
-    results, skipped = [], {}
+    results: list[SmoothResult] = []
+    skipped: dict[str, str] = {}
     for method in chosen:
         reason = method.why_not(mesh)
         if reason and len(chosen) > 1:
             skipped[method.name] = spelled(reason, spell)
-            continue
+    running_ones = [method for method in chosen if method.name not in skipped]
+    for k, method in enumerate(running_ones, start=1):
+        part = f"{k} of {len(running_ones)}"
         if method.max_sweeps > 0:
             # A sweep beforehand: the first call compiles, which is not the method's time.
-            running.run(mesh, replace(method, max_sweeps=1))
-        results.append(running.run(mesh, method))
+            with terminal.status(f"{method.name} ({part}), a first sweep"):
+                replace(method, max_sweeps=1).smooth(mesh)
+        results.append(running.run(mesh, method, part=part))
     return results, skipped
 
 
-def show(name: str, results: Sequence[SmoothResult], skipped: Mapping[str, str]) -> None:
+def show(
+    name: str,
+    results: Sequence[SmoothResult],
+    skipped: Mapping[str, str],
+    histograms: bool = False,
+) -> None:
     """Print what the methods made of a mesh."""
     from qsmooth.output import tables
 
     before = results[0].before
     terminal.write_heading(f"{name}: {tables.size_text(before)}")
-    for table in tables.comparison_tables(before, results, width=terminal.width()):
+    width = terminal.width()
+    for table in tables.comparison_tables(before, results, width=width, histograms=histograms):
         terminal.write_table(table)
     for result in results:
         running.show_outcome(result)
@@ -140,3 +154,4 @@ def show(name: str, results: Sequence[SmoothResult], skipped: Mapping[str, str])
             running.show_limits(result.outcome.limits)
     for method, reason in skipped.items():
         terminal.write_line(f"{tables.method_title(method)}: skipped; {reason}.")
+    terminal.write_line(tables.verdict(before, results, list(skipped)))

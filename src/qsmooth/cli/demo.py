@@ -28,6 +28,7 @@ def demo(
         DemoMesh,
         typer.Option(
             "--mesh",
+            metavar="[spiral|lake]",
             help="[b]spiral[/b], 1.9K quads; [b]lake[/b], 24K quads with islands, takes longer.",
         ),
     ] = DemoMesh.spiral,

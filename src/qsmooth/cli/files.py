@@ -60,6 +60,7 @@ SurfaceOption = Annotated[
     Surface,
     typer.Option(
         "--surface",
+        metavar="[auto|flat]",
         help="What z means: [b]auto[/b], the mesh lies in one plane; [b]flat[/b], z is a value on "
         "a mesh in x and y, such as depth; where vertices move it is interpolated. In fort.14, "
         "gr3, 2dm, MIKE and Selafin files it always is one.",

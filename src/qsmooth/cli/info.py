@@ -13,7 +13,10 @@ from qsmooth.cli.options import REPORT
 def info(
     mesh_file: files.In,
     ids: Annotated[
-        int, typer.Option(help="How many ids of each finding to show.", rich_help_panel=REPORT)
+        int,
+        typer.Option(
+            metavar="N", help="How many ids of each finding to show.", rich_help_panel=REPORT
+        ),
     ] = 10,
     merge: files.MergeOption = False,
     merge_tolerance: files.MergeToleranceOption = None,

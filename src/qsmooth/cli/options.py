@@ -140,7 +140,8 @@ class ShellOption:
 
     def parameter(self) -> inspect.Parameter:
         """Declare it for Typer."""
-        flags, metavar = self.flags, self.usual.metavar or None
+        flags = self.flags
+        metavar = self.usual.metavar or {"number": "NUMBER", "integer": "N"}.get(self.kind)
         annotation: Any = {"number": float, "integer": int, "flag": bool}.get(self.kind, str)
         if self.usual.repeats:
             annotation = list[annotation]

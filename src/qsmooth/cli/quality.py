@@ -30,7 +30,10 @@ def quality(
         ),
     ] = None,
     worst: Annotated[
-        int, typer.Option(help="How many of the worst cells to list.", rich_help_panel=REPORT)
+        int,
+        typer.Option(
+            metavar="N", help="How many of the worst cells to list.", rich_help_panel=REPORT
+        ),
     ] = 20,
     worst_by: Annotated[
         str,

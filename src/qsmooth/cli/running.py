@@ -46,10 +46,10 @@ def method_with(name: str, options: Mapping[str, Any]) -> tuple[Method, str]:
     return known.of(dict(options)), why
 
 
-def run(mesh: Mesh, method: Method, why: str = "") -> SmoothResult:
-    """Smooth a mesh, and show how far it is."""
-    with progress(method) as callback:
-        return replace(method, callback=callback).smooth(mesh, why)
+def run(mesh: Mesh, method: Method, *, part: str = "") -> SmoothResult:
+    """Smooth a mesh, and show how far it is; as the second of seven, say."""
+    with progress(method, part) as callback:
+        return replace(method, callback=callback).smooth(mesh)
 
 
 def run_to_end(

@@ -19,6 +19,7 @@ def smooth(
         typer.Option(
             "--method",
             "-m",
+            metavar="NAME",
             help="{methods}, or auto, which means {auto}; [b]qsmooth methods[/b] says what each "
             "is for.",
             rich_help_panel=METHOD,

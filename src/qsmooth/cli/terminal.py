@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import os
 import signal
 import sys
 import textwrap
@@ -36,8 +37,11 @@ class InterruptedRunError(Exception):
 
 
 def width() -> int | None:
-    """Characters in a line of the terminal; None where the output is none."""
-    return int(_console(sys.stdout).width) if _is_terminal(sys.stdout) else None
+    """Characters in a line: of the terminal, or as COLUMNS says; None where neither is there."""
+    if _is_terminal(sys.stdout):
+        return int(_console(sys.stdout).width)
+    columns = os.environ.get("COLUMNS", "")
+    return int(columns) if columns.isdecimal() and int(columns) else None
 
 
 def write(text: str) -> None:
@@ -60,7 +64,7 @@ def write_table(table: Table) -> None:
         if table.left or Measurement.get(console, options, table).minimum <= console.width:
             console.print(table)
             return
-    write(f"{table}\n")  # the terminal breaks lines, where rich would cut them
+    write(f"{table.text(width())}\n")  # the terminal breaks lines, where rich would cut them
 
 
 def write_heading(text: str) -> None:
@@ -70,9 +74,18 @@ def write_heading(text: str) -> None:
 
 
 def write_line(text: str) -> None:
-    """Print a line; a terminal breaks it between words."""
+    """Print a line; where the width is known it is broken between words."""
     if not _write_rich(text):
-        write(text)
+        room = width()
+        margin = " " * (len(text) - len(text.lstrip()))
+        lines = (
+            [text]
+            if room is None
+            else textwrap.wrap(
+                text, room, subsequent_indent=margin, break_long_words=False, break_on_hyphens=False
+            )
+        )
+        write("\n".join(lines))
 
 
 def write_paragraph(text: str, indent: int = 0) -> None:
@@ -139,14 +152,18 @@ def status(text: str) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def progress(method: Method) -> Iterator[Callable[[SweepRecord], None] | None]:
-    """Show on a terminal a bar of the sweeps; gives what a method calls with each record."""
+def progress(method: Method, part: str = "") -> Iterator[Callable[[SweepRecord], None] | None]:
+    """Show on a terminal a bar of the sweeps; gives what a method calls with each record.
+
+    `part` says which of several runs it is: "2 of 7".
+    """
     if not _is_terminal(sys.stderr):
         yield None
         return
     from qsmooth.bars import bar, counted
 
-    with bar(_console(sys.stderr), method.name) as show:
+    name = f"{method.name} ({part})" if part else method.name
+    with bar(_console(sys.stderr), name) as show:
         yield counted(method, show)
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from qsmooth._words import capitalised, plural
+from qsmooth._words import capitalised, in_a_row, plural
 from qsmooth.inspection import Finding, Inspection
 from qsmooth.metrics import METRICS, Quality, Summary, Validity
 from qsmooth.metrics.summary import (
@@ -21,7 +21,7 @@ from qsmooth.metrics.summary import (
     summary_rows,
     summary_table,
 )
-from qsmooth.table import BEST, LONGEST_BAR, Row, Section, Table, best_columns, time_text, widest
+from qsmooth.table import BEST, LONGEST_BAR, Row, Section, Table, best_columns, time_text
 
 if TYPE_CHECKING:
     from qsmooth.result import SmoothResult
@@ -34,6 +34,7 @@ __all__ = [
     "place_text",
     "size_text",
     "summary_table",
+    "verdict",
     "worst_table",
 ]
 
@@ -70,56 +71,115 @@ def change_table(before: Summary, after: Summary, *, bar_length: int = LONGEST_B
 
 
 def comparison_tables(
-    before: Summary, results: Sequence[SmoothResult], *, width: int | None = None
+    before: Summary,
+    results: Sequence[SmoothResult],
+    *,
+    width: int | None = None,
+    histograms: bool = False,
 ) -> list[Table]:
-    """Put the original beside each method's result; the best of each row is marked.
+    """Put the original beside each method's result; the best of each figure is marked.
 
     Parameters
     ----------
     before, results
         Quality of the original mesh, and what the methods made of it.
     width
-        Characters in a line; the methods are spread over several tables where they do not fit.
-        None: one table, as wide as it gets.
+        Characters in a line. Where a column for each method does not fit, each is a row, and each
+        section a table. None: a column for each, as wide as it gets.
+    histograms
+        Whether to add the histograms.
 
     Returns
     -------
     list of Table
-        The original is the first column of each. Marks compare all methods.
+        Marks compare all methods.
     """
     summaries = [before, *(r.after for r in results)]
-    names = ["Original", *(method_title(r.method) for r in results)]
-    seconds = [r.seconds for r in results]
-    quickest = best_columns(seconds, [time_text(s) for s in seconds], higher_is_better=False)
-    effort = Section(
-        "Effort",
-        (
-            Row(
-                "Time of the sweeps",
-                ("", *map(time_text, seconds)),
-                frozenset(k + 1 for k in quickest),
-            ),
-            Row("Sweeps", ("", *(str(r.sweeps) for r in results))),
-            Row("Stopped by itself", ("", *("yes" if r.converged else "no" for r in results))),
-        ),
-        marked=True,
-    )
-    figures = figure_sections(summaries, mark=True)
-    label = 2 + widest(row.label for section in figures for row in section.rows)
-    per_table, length = len(names), LONGEST_BAR
-    if width is not None:
-        # A column is a bar, a blank, seven characters of per cent, the mark, and rich's padding.
-        per_table = max(2, min(len(names), (width - label - 4) // 13))
-        length = max(0, min(LONGEST_BAR, (width - label - 4) // per_table - 12))
-    histograms = histogram_sections(summaries, length, marked=True)
-    whole = Table(tuple(names), (effort, *figures, *histograms))
-    tables = [
-        whole.only([0, *range(first, min(first + per_table - 1, len(names)))])
-        for first in range(1, len(names), per_table - 1)
-    ]
-    note = f"{BEST} best of the row, the original included. {definitions(before)}"
+    names = ("Original", *(method_title(r.method) for r in results))
+    sections = (*figure_sections(summaries, mark=True), _effort(results))
+    whole = Table(names, sections)
+    note = f"{BEST} best, the original included. {definitions(before)}"
+    if width is None or _room(whole) <= width:
+        shown = histogram_sections(summaries, LONGEST_BAR, marked=True) if histograms else []
+        whole = replace(whole, sections=(*sections, *shown))
+        if width is None or _room(whole) <= width:
+            return [replace(whole, note=note.replace("best,", "best of the row,"))]
+    head, *others = figure_sections(summaries, mark=True)
+    tables = [_turned(section, names) for section in (head, *others[:-1])]
+    validity = Section("Effort", others[-1].rows + _effort(results).rows, True)
+    tables.append(_turned(validity, names))
+    tables = [part for table in tables for part in table.narrowed(width)]
+    if histograms:
+        bars = Table(names, tuple(histogram_sections(summaries, 4, marked=True)))
+        tables += bars.narrowed(width, kept=1)
     tables[-1] = replace(tables[-1], note=note)
     return tables
+
+
+def verdict(before: Summary, results: Sequence[SmoothResult], skipped: Sequence[str] = ()) -> str:
+    """Say in a line which method is best or equal in how many figures of quality.
+
+    Whoever leaves fewer cells invalid comes first; the original counts among the rivals.
+    """
+    summaries = [before, *(r.after for r in results)]
+    counts, total = [0] * len(summaries), 0
+    for _, rows in summary_rows(summaries):
+        for row in rows:
+            values = [row.value(s) for s in summaries]
+            known = [v for v in values if not math.isnan(v)]
+            if not known or row.label.startswith(" "):
+                continue
+            best = row.text(max(known) if row.higher_is_better else min(known))
+            total += 1
+            for k, value in enumerate(values):
+                counts[k] += row.text(value) == best
+    ranks = [(-s.n_invalid, n) for s, n in zip(summaries, counts, strict=True)][1:]
+    first = [r for r, rank in zip(results, ranks, strict=True) if rank == max(ranks)]
+    names = in_a_row([r.method for r in first])
+    text = f"{names}: best or equal in {max(ranks)[1]} of {total} figures"
+    if all(r.outcome.unchanged for r in results):
+        text = f"no method changed the mesh: equal in all {total} figures"
+    left = [f"{r.method} {r.after.n_invalid}" for r in results if r.after.n_invalid]
+    if left:
+        text += f"; cells left invalid: {', '.join(left)}"
+    return text + (f"; skipped: {', '.join(skipped)}" if skipped else "")
+
+
+def _effort(results: Sequence[SmoothResult]) -> Section:
+    seconds = [r.seconds for r in results]
+    quickest = best_columns(seconds, [time_text(s) for s in seconds], higher_is_better=False)
+    times = Row(
+        "Time of the sweeps", ("", *map(time_text, seconds)), frozenset(k + 1 for k in quickest)
+    )
+    sweeps = Row("Sweeps", ("", *(str(r.sweeps) for r in results)))
+    stopped = Row("Stopped by itself", ("", *("yes" if r.converged else "no" for r in results)))
+    return Section("Effort", (times, sweeps, stopped), marked=True)
+
+
+def _turned(section: Section, names: Sequence[str]) -> Table:
+    """Make a table of a section, with its rows as columns."""
+    rows = tuple(
+        Row(
+            name,
+            tuple(row.cells[k] for row in section.rows),
+            frozenset(n for n, row in enumerate(section.rows) if k in row.best),
+        )
+        for k, name in enumerate(names)
+    )
+    heads = tuple(
+        row.label.removeprefix("Mean of ").strip().capitalize().replace("jacobian", "Jacobian")
+        for row in section.rows
+    )
+    return Table(
+        heads,
+        (Section("", rows, section.marked),),
+        corner=section.title.removesuffix(" of all cells"),
+    )
+
+
+def _room(table: Table) -> int:
+    """Characters that a table takes on a terminal, which indents rows and pads columns."""
+    return table.natural_width + len(table.columns) + 3
 
 
 def worst_table(
