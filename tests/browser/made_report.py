@@ -123,7 +123,7 @@ def state(name, label, uv, quads, ids, arrays):
 
 
 def make(path, n, jitter=0.45):
-    """Write a report of n by n quads; gives what is in it: ids, corners, and places and figures by state."""
+    """Write a report of n by n quads; gives its ids, corners, and places and figures by state."""
     arrays, quads = Arrays(), grid(n)
     ids = np.random.default_rng(3).permutation(len(quads)).astype(np.uint32)
     states, truth = [], {}
