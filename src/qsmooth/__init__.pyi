@@ -29,6 +29,7 @@ from .outcome import Stop as Stop
 from .output.figures import plot_comparison as plot_comparison
 from .output.figures import plot_histograms as plot_histograms
 from .output.figures import plot_mesh as plot_mesh
+from .output.report import report as report
 from .remapping import transfer as transfer
 from .result import History as History
 from .result import SmoothResult as SmoothResult

@@ -36,13 +36,16 @@ def compare(
     geographic: files.GeographicOption = None,
     format: files.FormatOption = None,
     json_file: files.JsonOption = None,
+    report_file: files.ReportOption = None,
     debug: files.DebugOption = False,
 ) -> None:
     """Smooth a mesh with several methods, and put the results side by side.
 
-    Nothing is written. An option goes to the methods that have it.
+    No mesh is written. An option goes to the methods that have it.
     """
     files.refuse_clash(json_file, mesh_file)
+    others = filter(None, [json_file])
+    files.refuse_clash(report_file, mesh_file, *others, option="--report")
     within = files.merge_within(merge, merge_tolerance)
     options = options or {}
     chosen = with_options(method_names(methods), options)
@@ -64,8 +67,12 @@ def compare(
         "skipped": skipped,
     }
     with files.Outputs() as outputs:
+        outputs.put_report(report_file, mesh_file, results, skipped)
+        written = outputs.written[:]
         if not outputs.put_json(json_file, facts):
             show(str(mesh_file), results, skipped)
+            for path in written:
+                terminal.write_line(f"Wrote {path}")
 
 
 def method_names(text: str) -> list[str]:

@@ -50,6 +50,7 @@ def smooth(
         ),
     ] = "max_angle",
     json_file: files.JsonOption = None,
+    report_file: files.ReportOption = None,
     debug: files.DebugOption = False,
 ) -> None:
     """Smooth a mesh, and show its quality before and after.
@@ -62,6 +63,8 @@ def smooth(
     from qsmooth.output import tables
 
     files.refuse_unsafe(mesh_file, output, overwrite, json_file)
+    others = filter(None, [json_file])
+    files.refuse_clash(report_file, mesh_file, output, *others, option="--report")
     within = files.merge_within(merge, merge_tolerance)
     plot_metric = find_metric(plot_metric.replace("-", "_"), "--plot-metric").name
     if plot is not None:
@@ -89,6 +92,7 @@ def smooth(
             from qsmooth.output.figures import save_figures
 
             outputs.put(plot, lambda: save_figures(mesh, result, plot, metric=plot_metric))
+        outputs.put_report(report_file, mesh_file, [result])
         written = outputs.written[:]
         if outputs.put_json(json_file, facts):
             return
