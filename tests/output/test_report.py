@@ -127,6 +127,7 @@ def test_odd_meshes(tmp_path, points, cells):
         facts, arrays = read_report(qsmooth.report(what, tmp_path / "r.html"))
         assert facts["n_cells"] == mesh.n_cells
         for state in facts["states"]:
+            assert arrays[state["invalid"]].sum() == state["n_invalid"]
             assert all(w["why"] for w in state["worst"])
             assert any("all its vertices stay" in w["why"] for w in state["worst"])
         xy, _ = state_arrays(facts, arrays, 0)

@@ -11,7 +11,7 @@ import numpy as np
 
 from qsmooth._types import FloatArray, IndexArray
 from qsmooth._words import capitalised
-from qsmooth.metrics import METRICS
+from qsmooth.metrics import METRICS, Validity
 from qsmooth.metrics.summary import figure_sections, size_text
 from qsmooth.output.report import telling
 from qsmooth.output.report.holding import Holding, worst_cells
@@ -137,6 +137,7 @@ class Content:
             "values": self._values(state),
             "summary": state.quality.summary(self.metrics).to_dict(),
             "n_invalid": state.quality.n_invalid,
+            "invalid": self.packed.marks(state.quality.validity[self.order] != Validity.VALID),
             "seconds": None if result is None else result.seconds,
             "sweeps": None if result is None else result.sweeps,
             "reason": ""
