@@ -140,9 +140,7 @@ class Content:
             "invalid": self.packed.marks(state.quality.validity[self.order] != Validity.VALID),
             "seconds": None if result is None else result.seconds,
             "sweeps": None if result is None else result.sweeps,
-            "reason": ""
-            if result is None
-            else capitalised(reason(result.outcome, spell=self.spell, limits=False)),
+            "reason": self._reason(state),
             "worst": worst,
             "history": _history(state),
             "traded": _sentences(telling.traded(state, self.spell)),
@@ -150,6 +148,12 @@ class Content:
             "sizes": [] if is_first else _sentences(telling.sizes(before, state)),
             "limits": _sentences(telling.limits(before, state)),
         }
+
+    def _reason(self, state: State) -> str:
+        if state.result is None:
+            return ""
+        text = reason(state.result.outcome, spell=self.spell, limits=False)
+        return f"{capitalised(text)}." if text else ""
 
 
 def table(states: Sequence[State]) -> dict[str, Any]:
