@@ -147,9 +147,8 @@ class GlPainter {
     const { gl } = this;
     gl.useProgram(shader.program);
     textures.forEach(([kind, array], unit) => {
-      const texture = this.texture(kind, array);
       gl.activeTexture(gl.TEXTURE0 + unit);
-      gl.bindTexture(gl.TEXTURE_2D, texture);
+      gl.bindTexture(gl.TEXTURE_2D, this.texture(kind, array));
       gl.uniform1i(shader.at(kind), unit);
     });
   }

@@ -2,7 +2,7 @@
 
 const SVG = "http://www.w3.org/2000/svg";
 const N_BINS = 30;
-const PLOT = { width: 620, height: 240, left: 52, right: 10, top: 12, bottom: 34 };
+const PLOT = { width: 620, height: 240, left: 52, right: 24, top: 12, bottom: 34 };
 const DASHES = ["", "7 3", "2 3", "9 3 2 3", "1 2", "12 4", "4 2 1 2"];
 
 function made(tag, attributes = {}, ...children) {
