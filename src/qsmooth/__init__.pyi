@@ -33,6 +33,7 @@ from .output.figures import plot_comparison as plot_comparison
 from .output.figures import plot_displacement as plot_displacement
 from .output.figures import plot_mesh as plot_mesh
 from .output.figures import plot_methods as plot_methods
+from .output.report import report as report
 from .remapping import transfer as transfer
 from .result import History as History
 from .result import SmoothResult as SmoothResult

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
 from typing import Any, SupportsIndex, overload
 
@@ -119,6 +119,9 @@ class SmoothResult:
     seconds
         Time of the sweeps, and of the looks between them by which the optimiser goes on; without
         callbacks, reading, checking and the compiling of kernels.
+    freedom
+        What could move of the input, and where to, as a `constraints.Freedom`; reports say by it
+        what holds a cell. None where that is not known.
     """
 
     mesh: Mesh
@@ -127,6 +130,7 @@ class SmoothResult:
     quality_before: Quality
     quality_after: Quality
     seconds: float
+    freedom: Any = field(default=None, repr=False, compare=False)
 
     def __repr__(self) -> str:
         figures = (

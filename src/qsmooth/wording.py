@@ -65,10 +65,10 @@ def reason(outcome: Outcome, *, spell: Callable[[str], str] = str, limits: bool 
         )
     if not outcome.unchanged:
         parts += _done(outcome)
-        parts += [*_towards(outcome.target), *_sizes(outcome.sizes, outcome.trades)]
+        parts += [*towards(outcome.target), *_sizes(outcome.sizes, outcome.trades)]
         parts += _slid(outcome.sliding)
     parts += _without_effect(outcome.sliding)
-    parts += [*_given_up(outcome, spell), *_why(outcome, spell)]
+    parts += [*given_up(outcome, spell), *_why(outcome, spell)]
     parts += _not_valid(outcome)
     parts += _carried([record for record in outcome.carried if record.largest > 0.0], spell)
     if limits and outcome.limits is not None:
@@ -105,7 +105,7 @@ def _mended(stage: Stage, _: Outcome) -> str:
     return f"then the worst cells in {plural(stage.sweeps, 'sweep')}"
 
 
-def _given_up(outcome: Outcome, spell: Callable[[str], str]) -> list[str]:
+def given_up(outcome: Outcome, spell: Callable[[str], str]) -> list[str]:
     """What got worse for something else, and what could have been had for that."""
     said = []
     by_gain: dict[str, list[Trade]] = {}
@@ -128,11 +128,11 @@ def _given_up(outcome: Outcome, spell: Callable[[str], str]) -> list[str]:
             f"{outcome.forbidden.scaled_jacobian:.2f}), but at a cost to the mean shape that "
             f"{spell('mean_loss')}={outcome.forbidden.mean_loss:g} forbids"
         )
-    said += [_kept(held) for held in outcome.held]
+    said += [kept_back(held) for held in outcome.held]
     return said
 
 
-def _kept(held: Held) -> str:
+def kept_back(held: Held) -> str:
     """Where what is held kept something from getting better."""
     name, form = _FIGURES[held.figure]
     places = "a better place" if held.vertices == 1 else "better places"
@@ -148,7 +148,7 @@ def _change(figure: str, before: float, after: float, of: str = "") -> str:
     return f"{name}{of} {form.format(before)} -> {form.format(after)}"
 
 
-def _towards(target: Target | None) -> list[str]:
+def towards(target: Target | None) -> list[str]:
     """How near the cells are to what they are meant to be, where that is not the ideal shape."""
     if target is None or target.kind == "ideal":
         return []

@@ -29,6 +29,7 @@ from qsmooth.cli.methods import methods
 from qsmooth.cli.options import Command, with_options
 from qsmooth.cli.paper import paper
 from qsmooth.cli.quality import quality
+from qsmooth.cli.report import report
 from qsmooth.cli.smooth import smooth
 from qsmooth.cli.untangle import untangle
 from qsmooth.cli.warmup import warmup
@@ -55,6 +56,7 @@ COMMANDS = (
     Command(untangle, _untangling),
     Command(quality),
     Command(compare, _listed),
+    Command(report, _listed),
     Command(info),
     Command(convert),
     Command(formats),

@@ -44,6 +44,7 @@ def compare(
     plot_metric: plotting.MetricOption = "max_angle",
     plot_scale: plotting.ScaleOption = plotting.Scale.linear,
     json_file: files.JsonOption = None,
+    report_file: files.ReportOption = None,
     debug: files.DebugOption = False,
 ) -> None:
     """Smooth a mesh with several methods, and put the results side by side.
@@ -52,6 +53,8 @@ def compare(
     """
     plot_metric = plotting.checked(plot, plot_metric)
     files.refuse_clash(json_file, mesh_file)
+    others = filter(None, [json_file])
+    files.refuse_clash(report_file, mesh_file, *others, option="--report")
     within = files.merge_within(merge, merge_tolerance)
     options = options or {}
     chosen = with_options(method_names(methods), options)
@@ -79,12 +82,14 @@ def compare(
         return save_method_figures(results, folder, metric=plot_metric, scale=plot_scale.value)
 
     with files.Outputs() as outputs:
+        outputs.put_report(report_file, mesh_file, results, skipped)
         shown = not outputs.put_json(json_file, facts)
         if shown:
             show(str(mesh_file), results, skipped, histograms)
         plotting.draw(outputs, plot, save)
-        if shown and plot in outputs.written:
-            terminal.write_line(f"Wrote {plot}")
+        written = [path for path in outputs.written if path != json_file]
+        if shown and written:
+            terminal.write_line(f"Wrote {' and '.join(map(str, written))}")
 
 
 def method_names(text: str) -> list[str]:

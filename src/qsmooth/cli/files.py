@@ -5,21 +5,23 @@ from __future__ import annotations
 import json
 import os
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from qsmooth._json import finite
 from qsmooth._words import plural
-from qsmooth.cli.options import FILES, REPORT
+from qsmooth.cli.options import FILES, REPORT, spell
 from qsmooth.cli.terminal import say, status, write
 from qsmooth.errors import MeshError, MeshWarning
 
 if TYPE_CHECKING:
     from qsmooth.mesh import Mesh
+    from qsmooth.result import SmoothResult
 
 
 class Surface(StrEnum):
@@ -130,6 +132,15 @@ JsonOption = Annotated[
         "--json",
         metavar="FILE",
         help="Also write the figures as JSON; [b]-[/b] prints them, and no table.",
+        rich_help_panel=REPORT,
+    ),
+]
+ReportOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--report",
+        metavar="FILE",
+        help="Also write a report to look at, one HTML file.",
         rich_help_panel=REPORT,
     ),
 ]
@@ -286,6 +297,32 @@ class Outputs:
         self.put(path, lambda: replace_bytes(path, f"{text}\n".encode()))
         return False
 
+    def put_report(
+        self,
+        path: Path | None,
+        mesh_file: Path,
+        results: Sequence[SmoothResult],
+        skipped: Mapping[str, str] = MappingProxyType({}),
+    ) -> None:
+        """Write the report that ``--report`` asks for, of what methods made of a mesh."""
+        if path is None:
+            return
+        from qsmooth.output.report import states_of, write_report
+
+        def make() -> None:
+            title, notes = mesh_file.name, skipped_notes(skipped)
+            write_report(states_of(results), path, title=title, notes=notes, spell=spell)
+
+        with status("writing the report"):
+            self.put(path, make)
+
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if self._failed and (kind is None or issubclass(kind, typer.Exit)):
             raise MeshError("; ".join(self._failed))
+
+
+def skipped_notes(skipped: Mapping[str, str]) -> list[str]:
+    """Say which methods were skipped, and why."""
+    from qsmooth.output.tables import method_title
+
+    return [f"{method_title(name)}: skipped; {why}." for name, why in skipped.items()]

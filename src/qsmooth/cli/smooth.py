@@ -39,6 +39,7 @@ def smooth(
     plot_metric: plotting.MetricOption = "max_angle",
     plot_scale: plotting.ScaleOption = plotting.Scale.linear,
     json_file: files.JsonOption = None,
+    report_file: files.ReportOption = None,
     debug: files.DebugOption = False,
 ) -> None:
     """Smooth a mesh, and show its quality before and after.
@@ -50,6 +51,8 @@ def smooth(
     from qsmooth.output import tables
 
     files.refuse_unsafe(mesh_file, output, overwrite, json_file)
+    others = filter(None, [json_file])
+    files.refuse_clash(report_file, mesh_file, output, *others, option="--report")
     within = files.merge_within(merge, merge_tolerance)
     plot_metric = plotting.checked(plot, plot_metric)
     options = options or {}
@@ -74,6 +77,7 @@ def smooth(
     with files.Outputs() as outputs:
         written_mesh = files.to_write(result.mesh, with_quality)
         outputs.put(output, lambda: write_mesh(output, written_mesh, format=output_format))
+        outputs.put_report(report_file, mesh_file, [result])
         shown = not outputs.put_json(json_file, facts)
         if shown:
             terminal.write_heading(f"{mesh_file}: {tables.size_text(result.before)}")

@@ -205,6 +205,7 @@ class SweepingMethod(Method):
             quality_before=before,
             quality_after=after,
             seconds=run.seconds,
+            freedom=freedom,
         )
         return watch.give_back(summed_up)
 

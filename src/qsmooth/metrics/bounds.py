@@ -197,7 +197,7 @@ def angle_limits(
     """
     sizes = topology.cell_sizes
     by_sum = 60.0 if (sizes == 3).any() else 90.0, 90.0 if (sizes == 4).any() else 60.0
-    smallest, largest = _bounds(topology, xy, movable, swings)
+    smallest, largest = vertex_bounds(topology, xy, movable, swings)
     low = topology.first_vertex(smallest == smallest.min())
     high = topology.first_vertex(largest == largest.max())
     ends = float(smallest[low]), float(largest[high])
@@ -217,10 +217,14 @@ def angle_limits(
     )
 
 
-def _bounds(
+def vertex_bounds(
     topology: Topology, xy: FloatArray, movable: BoolArray, swings: Swings | None
 ) -> tuple[FloatArray, FloatArray]:
-    """Bound the smallest and the largest angle at each vertex, (n_vertices,)."""
+    """Bound the smallest and the largest angle at each vertex, degrees, (n_vertices,).
+
+    Of the cells at a vertex one has an angle there of at most the former, and one of at least the
+    latter, wherever the movable vertices go in a valid mesh. Arguments are as in `angle_limits`.
+    """
     from qsmooth.kernels.angle_bounds import NO_SWINGS, angle_bounds
 
     smallest, largest = np.empty(topology.n_vertices), np.empty(topology.n_vertices)
@@ -252,11 +256,14 @@ def _set_by(
     count = topology.star_offsets[v + 1] - topology.star_offsets[v]
     if not topology.is_boundary[v] and bound == FULL_TURN / count:
         return ""
-    if swings is not None and _bounds(topology, xy, free, swings)[which][v] == bound:
+    if swings is not None and vertex_bounds(topology, xy, free, swings)[which][v] == bound:
         return BY_SLIDING
     for words, vertices in kept:
         free = (free & ~vertices) | movable
-        if np.array_equal(free, movable) or _bounds(topology, xy, free, swings)[which][v] == bound:
+        if (
+            np.array_equal(free, movable)
+            or vertex_bounds(topology, xy, free, swings)[which][v] == bound
+        ):
             return words
     return ""
 

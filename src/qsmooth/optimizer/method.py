@@ -138,6 +138,7 @@ class _Staged(Method):
             quality_before=before,
             quality_after=after,
             seconds=seconds,
+            freedom=freedom,
         )
         return progress.watch.give_back(summed_up)
 
