@@ -24,7 +24,7 @@ ORIGIN, PLANES, DATE = slice(2, 4), 6, 9
 def order_of(head: bytes) -> str:
     """Byte order of a file that begins so, "<" or ">"; "" where it is no Selafin."""
     orders = {TITLE.to_bytes(MARK, "little"): "<", TITLE.to_bytes(MARK, "big"): ">"}
-    return orders.get(head[:MARK], "")
+    return orders.get(bytes(head[:MARK]), "")
 
 
 @dataclass(frozen=True)
