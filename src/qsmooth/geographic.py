@@ -155,7 +155,7 @@ def look_like_degrees(points: FloatArray) -> bool:
 
 
 def _look_like_a_sea(points: FloatArray, low: FloatArray, high: FloatArray) -> bool:
-    """Whether coordinates may be degrees of a mesh so large that it is near to zero for its size."""
+    """Whether coordinates may be degrees of a sea, which may be near to zero for its size."""
     nearest = np.where(low * high > 0.0, np.minimum(np.abs(low), np.abs(high)), 0.0)
     off = (nearest >= OFF_ORIGIN) & (nearest >= OFF_SHARE * (high - low))
     whole = np.concatenate((low, high)) % 1.0 == 0.0

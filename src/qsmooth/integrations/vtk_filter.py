@@ -105,6 +105,8 @@ class MethodFilter(VTKPythonAlgorithmBase):  # type: ignore[misc]
 
 def _value(spec: Spec, given: Any) -> Any:
     """Make a value of what VTK and ParaView give: texts where they have no better."""
+    if given is None:  # ParaView's empty text
+        return spec.default
     if spec.kind == "flag" and isinstance(given, int):
         return bool(given)
     if not isinstance(given, str):

@@ -278,7 +278,7 @@ class FileContent:
 
     def raise_level(self, holds: frozenset[str]) -> None:
         """Make z of the point data that is the level, where a format has no other place for it."""
-        if self.level is None or self.points.shape[1] != 2 or not self.level[0] in self.point_data:
+        if self.level is None or self.points.shape[1] != 2 or self.level[0] not in self.point_data:
             return
         name, means = self.level
         z = np.asarray(self.point_data[name], np.float64)

@@ -111,7 +111,7 @@ class VariableSlots:
         # Whole tables: by a mask, a byte order that is not the machine's takes ten times as long.
         with np.errstate(over="ignore"):
             view[:] = np.where(moved.T, new.T.astype(view.dtype), view)
-        return buffer
+        return buffer  # type: ignore[return-value]
 
 
 def _differ(old: FloatArray, new: FloatArray) -> BoolArray:

@@ -146,7 +146,7 @@ def read_here(path: Path, name: str) -> FileContent:
     """Read through meshio, in this process."""
     meshio = loaded()
 
-    with _quiet() as said, _as_mesh_error(said):
+    with _quiet() as said, _as_mesh_error(said, f"no valid file of format {name}"):
         file = path if name not in ENDLESS else _Ending.opened(path, text=ENDLESS[name])
         mesh = meshio.read(file, file_format=THEIRS.get(name, name))
     content = content_of(mesh)
@@ -355,7 +355,7 @@ def _as_mesh_error(said: io.StringIO, what: str = "") -> Iterator[None]:
     except ImportError as error:
         raise lacking(error.name or str(error), what or "this format") from error
     except (Exception, SystemExit) as error:  # meshio leaves the interpreter on a bad file
-        words = " ".join(said.getvalue().split()) or str(error) or type(error).__name__
+        words = " ".join(said.getvalue().split()) or f"{type(error).__name__} {error}"
         if isinstance(error, OSError) and error.strerror:
             words = error.strerror
         raise MeshError(f"{what + ': ' if what else ''}meshio says: {words[:300]}") from error
