@@ -20,6 +20,16 @@ def properties(n: int) -> str:
     )
 
 
+def one_cell_blocks() -> str:
+    n = 44_000
+    lines = "".join(f"1 {k} 1 1\n{k} 1 2\n" for k in range(1, n))
+    return (
+        "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 4 1 4\n2 1 0 4\n1\n2\n3\n4\n"
+        "0 0 0\n1 0 0\n1 1 0\n0 1 0\n$EndNodes\n"
+        f"$Elements\n{n} {n} 1 {n}\n{lines}2 1 3 1\n{n} 1 2 3 4\n$EndElements\n"
+    )
+
+
 # As many sections, or columns, as a file of a megabyte has room for.
 SECTIONS = {
     "keywords.inp": lambda: SQUARE + 349_000 * "*A\n",
@@ -30,6 +40,7 @@ SECTIONS = {
     "sections.msh": lambda: MSH + "".join(f"$A{k}\n$EndA{k}\n" for k in range(56_000)),
     "ends.msh": lambda: f"{MSH}$A\n{170_000 * 'x$EndA'}\n$EndA\n",
     "markers.su2": lambda: ONE + 49_000 * "MARKER_ELEMS=1\n3 0 1\n",
+    "blocks.msh": one_cell_blocks,
     "points.obj": lambda: CORNERS + 104_000 * "p 1\nl 1 2\n",
     "columns.ply": lambda: properties(36_000),
 }

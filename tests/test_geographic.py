@@ -281,6 +281,22 @@ def test_what_looks_like_degrees(low, high, looks):
     assert look_like_degrees(np.array([low, high], float)) is looks
 
 
+@pytest.mark.nojit
+@pytest.mark.parametrize(
+    ("low", "high", "looks"),
+    [
+        ((-97.85, 7.99), (-60.04, 45.75), True),  # western Atlantic
+        ((-12.1, 47.9), (12.9, 62.3), True),  # North Sea
+        ((-15.04, -12.79), (10.19, 11.2), False),
+        ((10, 20), (60, 70), False),
+        ((0, 0), (25.3, 4.1), False),
+    ],
+)
+def test_what_looks_like_a_sea_in_degrees(low, high, looks):
+    points = np.linspace(low, high, 500)
+    assert look_like_degrees(points) is looks
+
+
 def test_files_say_so_or_callers(tmp_path):
     points, (quads,) = rough_grid(4)
     points = in_degrees(points, "lake")

@@ -33,6 +33,9 @@ STEPS = 9
 EAST = 1e-5
 # Coordinates look like degrees if they lie so many of their extents off zero.
 OFF_ZERO, LARGEST_EXTENT = 2.0, 30.0
+# Or, over seas, so many degrees and so much of their extent, with no bound on a whole degree and
+# this many vertices: meshes in lengths mostly begin and end at round numbers.
+OFF_ORIGIN, OFF_SHARE, SEA = 5.0, 0.15, 200
 
 
 class Projection:
@@ -140,14 +143,24 @@ def no_degrees(points: FloatArray) -> BoolArray:
 
 
 def look_like_degrees(points: FloatArray) -> bool:
-    """Whether coordinates may be degrees: those of a lake or a coast, away from zero."""
+    """Whether coordinates may be degrees: those of a lake, a coast or a sea, away from zero."""
     if no_degrees(points).any():
         return False
     low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
     extent = float((high - low).max())
     nearest = np.minimum(np.abs(low), np.abs(high))
     off = (low * high > 0.0) & (nearest >= OFF_ZERO * extent)
-    return bool(0.0 < extent <= LARGEST_EXTENT and off.any() and nearest.max() >= 1.0)
+    near = 0.0 < extent <= LARGEST_EXTENT and off.any() and nearest.max() >= 1.0
+    return bool(near or _look_like_a_sea(points, low, high))
+
+
+def _look_like_a_sea(points: FloatArray, low: FloatArray, high: FloatArray) -> bool:
+    """Whether coordinates may be degrees of a sea, which may be near to zero for its size."""
+    nearest = np.where(low * high > 0.0, np.minimum(np.abs(low), np.abs(high)), 0.0)
+    off = (nearest >= OFF_ORIGIN) & (nearest >= OFF_SHARE * (high - low))
+    whole = np.concatenate((low, high)) % 1.0 == 0.0
+    large = (high - low >= OFF_ORIGIN).all() and high[0] - low[0] < 180.0
+    return bool(len(points) >= SEA and off.any() and large and not whole.any())
 
 
 def _in_space(points: FloatArray) -> FloatArray:

@@ -10,6 +10,7 @@ import numpy as np
 from qsmooth._types import IndexArray
 from qsmooth._words import plural
 from qsmooth.adapters import as_mesh
+from qsmooth.geographic import look_like_degrees
 from qsmooth.merging import find_seams
 from qsmooth.mesh import Mesh
 from qsmooth.metrics import Validity, quality
@@ -76,7 +77,8 @@ class Inspection:
     validity
         Count of cells by class.
     format, notes
-        Format of the file, and what was odd in it and yet could be read; empty without a file.
+        Format of the file, empty without one; what was odd in it and yet could be read, and that
+        coordinates look like degrees where nothing says whether they are.
     findings
         What is odd, counts of zero included.
     """
@@ -193,7 +195,7 @@ def inspect(mesh: Any) -> Inspection:
         regions=regions,
         validity={kind.name.lower(): int(classes[kind]) for kind in Validity},
         format=str(getattr(source, "format", "")),
-        notes=tuple(str(note) for note in getattr(source, "notes", ())),
+        notes=(*(str(note) for note in getattr(source, "notes", ())), *_degrees(mesh)),
         findings=findings,
     )
 
@@ -304,6 +306,18 @@ def _plane(mesh: Mesh) -> str:
     if mesh.surface == "flat":
         return f"3D, z from {z.min():.6g} to {z.max():.6g} as a value"
     return f"3D, z = {z[0]:.6g} but for rounding"
+
+
+def may_be_degrees(mesh: Mesh) -> bool:
+    """Whether a mesh is in lengths only because nothing says that its numbers are degrees."""
+    said = mesh.geographic or getattr(mesh.source, "geographic", None) is not None
+    return not said and look_like_degrees(mesh.points)
+
+
+def _degrees(mesh: Mesh) -> tuple[str, ...]:
+    if not may_be_degrees(mesh):
+        return ()
+    return ("coordinates look like degrees, and are taken as lengths: geographic=True or False",)
 
 
 def _orientation(n_turned: int, n_cells: int) -> str:

@@ -200,6 +200,7 @@ def test_wrong_files(put, name, old, new, message):
 
 
 @pytest.mark.parametrize("name", EVERY)
+@pytest.mark.filterwarnings("ignore:.*cut off")
 def test_truncated_anywhere(put, name):
     """One clear error, or, where only a remark was cut off, the same mesh."""
     content = content_of(name)

@@ -168,7 +168,7 @@ def read(
     within: float | None = None,
 ) -> Mesh:
     """Read a mesh; weld its seams, `within` a share of their edges, or point them out."""
-    from qsmooth.geographic import look_like_degrees
+    from qsmooth.inspection import may_be_degrees
     from qsmooth.io import read_mesh
     from qsmooth.merging import TOLERANCE, find_seams, merge
 
@@ -176,7 +176,7 @@ def read(
         mesh = read_mesh(path, surface=surface.value, format=format, geographic=geographic)
         seams = find_seams(mesh, TOLERANCE if within is None else within)
         merged = mesh if within is None else merge(mesh, within)
-    if geographic is None and not mesh.geographic and look_like_degrees(mesh.points):
+    if geographic is None and may_be_degrees(mesh):
         warnings.warn(
             f"'{path}': coordinates look like degrees, and are taken as lengths; --geographic "
             "takes them as longitudes and latitudes, --no-geographic says that they are none",

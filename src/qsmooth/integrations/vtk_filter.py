@@ -10,7 +10,6 @@ qsmooth.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, ClassVar
 from xml.sax.saxutils import escape, quoteattr
 
@@ -20,9 +19,9 @@ from vtkmodules.vtkCommonDataModel import vtkDataObject
 
 from qsmooth.adapters import as_mesh
 from qsmooth.adapters.vtk_dataset import CLASSES
-from qsmooth.mesh import Surface
+from qsmooth.integrations.dataset_reading import Reading
 from qsmooth.methods.base import Method
-from qsmooth.options import Options, Spec, option, spelled
+from qsmooth.options import Options, Spec, spelled
 from qsmooth.registry import all_methods
 from qsmooth.result import SmoothResult
 
@@ -38,19 +37,6 @@ paraview_plugin_version = "1"
 
 # How ParaView calls what holds values of a kind; all others are texts.
 PROPERTIES = {"number": "Double", "integer": "Int", "flag": "Int"}
-
-
-@dataclass(frozen=True, kw_only=True)
-class Reading(Options):
-    """How a dataset is taken, whatever the method."""
-
-    owner = "dataset"
-
-    surface: Surface = option(
-        "auto",
-        help="What z means: auto, the points lie in one plane, which may be tilted; flat, x and y "
-        "are the geometry and z is a value.",
-    )
 
 
 class MethodFilter(VTKPythonAlgorithmBase):  # type: ignore[misc]
@@ -119,6 +105,8 @@ class MethodFilter(VTKPythonAlgorithmBase):  # type: ignore[misc]
 
 def _value(spec: Spec, given: Any) -> Any:
     """Make a value of what VTK and ParaView give: texts where they have no better."""
+    if given is None:  # ParaView's empty text
+        return spec.default
     if spec.kind == "flag" and isinstance(given, int):
         return bool(given)
     if not isinstance(given, str):

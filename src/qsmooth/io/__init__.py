@@ -27,7 +27,7 @@ from qsmooth.io.file_content import FileContent, of_mesh
 from qsmooth.io.files import read_bytes, refused, write_bytes
 from qsmooth.io.listing import FormatRecord, format_records
 from qsmooth.io.recognition import format_to_read, format_to_write, formats, require_known
-from qsmooth.io.registry import folder_format, named, only, own_formats
+from qsmooth.io.registry import Format, folder_format, named, only, own_formats
 
 if TYPE_CHECKING:
     from qsmooth.mesh import Mesh, MeshLike, Surface
@@ -137,9 +137,11 @@ def write_and_tell(path: PathLike, mesh: MeshLike, *, format: str | None = None)
         return ()
     content = of_mesh(mesh)
     if form := named(name):
+        if not same_format:
+            content.raise_level(form.HOLDS)
         data = form.write(content)
         write_bytes(path, data)
-        return tuple(content.losses(form.HOLDS))
+        return tuple(content.losses(form.HOLDS | _told_beside(form, path)))
     return tuple(via_meshio.write(content, path, name))
 
 
@@ -199,8 +201,15 @@ def _read(path: Path, name: str | None) -> FileContent:
         content = form.read(clean)
     content.format, content.data = form.NAME, data
     beside = getattr(form, "in_degrees", None)
-    content.geographic = content.geographic or bool(beside and beside(path))
+    if content.geographic is None and beside:
+        content.geographic = beside(path)
     return content
+
+
+def _told_beside(form: Format, path: Path) -> frozenset[str]:
+    """What a new file need not hold, as its name or what lies beside it says it."""
+    beside = getattr(form, "in_degrees", None)
+    return frozenset(("geographic",)) if beside and beside(path) else frozenset()
 
 
 def _can_write_in_place(source: FileContent, mesh: Mesh) -> bool:
@@ -216,9 +225,10 @@ def _written_in_place(source: FileContent, mesh: Mesh) -> bytes:
     form = named(source.format)
     if form is None:
         return data
+    content: FileContent | None = None
     for name in sorted(source.changed):
-        # Read again, as with every array that is written the places of others change.
-        content = form.read(_clean(data))
+        if content is None or not getattr(content.data_slots[name], "steady", False):
+            content = form.read(_clean(data))  # as the places of others have changed
         old, new = (_as_columns(of.point_data[name]) for of in (content, source))
         data = content.data_slots[name].write(data, old, new)
     return data

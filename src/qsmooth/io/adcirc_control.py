@@ -14,8 +14,8 @@ SCHISM, LON_LAT = ("param.nml", "param.in"), ".ll"
 MOST = 1 << 20  # bytes that are looked at
 
 
-def in_degrees(path: Path) -> bool:
-    """Whether what lies beside a grid says that it is in degrees.
+def in_degrees(path: Path) -> bool | None:
+    """Whether what lies beside a grid says that it is in degrees; None where nothing says it.
 
     Of ``NAME.14`` and ``NAME.grd`` that is ``NAME.15``, of a ``.gr3`` file ``param.nml``;
     a ``.ll`` file is in degrees by its name.
@@ -26,13 +26,13 @@ def in_degrees(path: Path) -> bool:
     if ending == ".gr3":
         head = next(filter(None, (_head(path.with_name(name)) for name in SCHISM)), b"")
         found = ICS.search(head)
-        return found is not None and int(found[1]) == 2
+        return int(found[1]) == 2 if found else None
     if ending not in (".14", ".grd"):
-        return False
+        return None
     lines = _head(path.with_suffix(".15")).splitlines()
     words = lines[ICS_LINE].split() if len(lines) > ICS_LINE else []
     number = re.match(rb"-?\d{1,9}(?![\w.])", words[0]) if words else None
-    return number is not None and abs(int(number[0])) in SPHERICAL
+    return abs(int(number[0])) in SPHERICAL if number else None
 
 
 def _head(path: Path) -> bytes:

@@ -73,12 +73,15 @@ class FileContent:
     notes
         What was odd in the file and yet could be read rightly.
     geographic
-        Whether the file says that its coordinates are longitudes and latitudes in degrees.
+        Whether the file says that its coordinates are longitudes and latitudes in degrees, or that
+        they are none; None where it says nothing.
     z_means
         What z is by the format's definition: a value on a flat mesh, counted upwards ("height") or
         downwards ("depth"); "" where it is a coordinate, or may be.
     fields
         Names of point data that belong to places by the format's definition.
+    level
+        Name of the point data that formats with a z for it have as z, and how it counts; or None.
     held
         Vertices that stay, as more than their place hangs on them; or None.
     turned
@@ -108,9 +111,10 @@ class FileContent:
     changed: frozenset[str] = frozenset()
     extras: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
-    geographic: bool = False
+    geographic: bool | None = None
     z_means: Literal["", "height", "depth"] = ""
     fields: tuple[str, ...] = ()
+    level: tuple[str, Literal["height", "depth"]] | None = None
     held: IndexArray | None = None
     turned: BoolArray | None = None
     tilted: bool = False
@@ -257,7 +261,8 @@ class FileContent:
                 "degrees are declared, but the coordinates can be none: taken as lengths",
             )
             geographic = False
-        self.geographic = self.geographic if geographic is None else geographic
+        if geographic is not None:
+            self.geographic = geographic
         regions = None
         if self.tags is not None:
             regions = np.concatenate([self.tags[b] for b in self.faces])
@@ -267,9 +272,21 @@ class FileContent:
             surface="flat" if self.z_means else surface,
             regions=regions,
             fixed=self.held,
-            geographic=self.geographic,
+            geographic=bool(self.geographic),
         )
         return mesh.with_source(self, self.lines[0])
+
+    def raise_level(self, holds: frozenset[str]) -> None:
+        """Make z of the point data that is the level, where a format has no other place for it."""
+        if self.level is None or self.points.shape[1] != 2 or self.level[0] not in self.point_data:
+            return
+        name, means = self.level
+        z = np.asarray(self.point_data[name], np.float64)
+        fits = "level" in holds or ("z" in holds and "point_data" not in holds)
+        if fits and z.shape == (len(self.points),) and np.isfinite(z).all():
+            self.points = np.column_stack((self.points, z))
+            self.z_means = means
+            self.point_data = {k: v for k, v in self.point_data.items() if k != name}
 
     def losses(self, holds: frozenset[str]) -> list[str]:
         """What a format that holds only `holds` cannot keep, in words."""

@@ -12,7 +12,7 @@ from qsmooth.errors import MeshError
 from qsmooth.io.file_content import FACES, N_VERTICES, Block, FileContent
 from qsmooth.io.gmsh_data import NodeData, data_at_points, lines_of_data, read_node_data
 from qsmooth.io.in_place import Slots, joined
-from qsmooth.io.text import Cursor, blocks_by_id, finish, rows_of
+from qsmooth.io.text import Cursor, blocks_by_id, finish, rows_of, runs
 
 NAME = "gmsh"
 ENDINGS = (".msh",)
@@ -279,21 +279,64 @@ class _Reader:
             n_blocks, n_elements = cursor.numbers(2, "i8").tolist()
         else:
             n_blocks, n_elements = cursor.numbers(4, "i8").tolist()[:2]
-        found = 0
-        for _ in range(n_blocks):
+        found = 0 if cursor.order else self.elements_4_text(n_blocks)
+        for _ in range(n_blocks if cursor.order else 0):
             first, second, code, n = _head_of_block(cursor)
             dimension, entity = (second, first) if self.version == 4.0 else (first, second)
             _, n_corners = self.type_of(code)
-            place, token = cursor.pos, -1 if cursor.order else cursor.token
+            place = cursor.pos
             table = cursor.numbers(n * (1 + n_corners), "i8", "elements").reshape(n, 1 + n_corners)
             pair = np.array([[self.physical.get((dimension, entity), 0), entity]])
-            places = np.full(n, place)
-            if not cursor.order:
-                places = cursor.text.starts[token + (1 + n_corners) * np.arange(n)]
-            self.parts.append((code, np.repeat(pair, n, axis=0), table[:, 1:], places))
+            self.parts.append((code, np.repeat(pair, n, axis=0), table[:, 1:], np.full(n, place)))
             found += n
         if found != n_elements:
             cursor.fail(f"$Elements says {n_elements} elements, its blocks have {found}")
+
+    def elements_4_text(self, n_blocks: int) -> int:
+        """All blocks of a section as text, parsed at once: some files have one for each cell.
+
+        Returns
+        -------
+        Number of elements.
+        """
+        cursor, text = self.cursor, self.cursor.text
+        first, stop = cursor.token, self.data.find(b"$", cursor.pos)
+        last = int(text.starts.searchsorted(stop)) if stop >= 0 else len(text)
+        values = text.numbers(first, last, np.int64)
+        heads = self.heads_of_blocks(values, n_blocks, first)
+        n_in, begins = heads[:, 3], heads[:, 4]
+        for i, j in runs(heads[:, 2]):
+            code, n = int(heads[i, 2]), n_in[i:j]
+            width = 1 + TYPES[code][1]
+            before = np.cumsum(n) - n
+            rows = np.repeat(begins[i:j] - width * before, n) + width * np.arange(n.sum())
+            entities = zip(heads[i:j, 0].tolist(), heads[i:j, 1].tolist(), strict=True)
+            pairs = np.array([[self.physical.get(one, 0), one[1]] for one in entities])
+            table = values[rows[:, None] + np.arange(1, width)]
+            self.parts.append((code, np.repeat(pairs, n, axis=0), table, text.starts[first + rows]))
+        return int(n_in.sum())
+
+    def heads_of_blocks(self, values: IndexArray, n_blocks: int, first: int) -> IndexArray:
+        """Dimension, entity, type, elements of each block, and where these begin, (n_blocks, 5)."""
+        cursor, text, place = self.cursor, self.cursor.text, 0
+        heads: list[tuple[int, int, int, int, int]] = []
+        for _ in range(n_blocks):
+            head = values[place : place + 4].tolist()
+            cursor.pos = (
+                int(text.starts[first + place]) if first + place < len(text) else cursor.pos
+            )
+            if len(head) < 4:
+                cursor.fail(f"{n_blocks} blocks of elements expected, {len(heads)} are there")
+            one, two, code, n = head
+            _, n_corners = self.type_of(code)
+            begin, place = place + 4, place + 4 + n * (1 + n_corners)
+            if n < 0 or place > len(values):
+                cursor.fail(f"a block of {n} elements expected: the file ends too early")
+            dimension, entity = (two, one) if self.version == 4.0 else (one, two)
+            heads.append((dimension, entity, code, n, begin))
+        if place:
+            cursor.pos = int(text.ends[first + place - 1])
+        return np.array(heads, np.int64).reshape(-1, 5)
 
     def type_of(self, code: int, token: int | None = None) -> tuple[str, int]:
         if code not in TYPES:

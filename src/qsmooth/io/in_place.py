@@ -14,7 +14,10 @@ Edit = tuple[int, int, bytes]
 
 
 class InPlace(Protocol):
-    """What can write coordinates back into the bytes they came from."""
+    """What can write coordinates back into the bytes they came from.
+
+    An attribute ``steady`` that is True says that it holds, too, where others have been written.
+    """
 
     def write(self, data: bytes, old: FloatArray, new: FloatArray) -> bytes:
         """The bytes of the file with the coordinates that changed, and nothing else, replaced."""

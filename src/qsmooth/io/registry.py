@@ -27,7 +27,8 @@ class Format(Protocol):
     ``PRIORITY``, 0 if it is not: of the formats that share an ending
     the one with the highest is asked first whether a file is its own, and is the one written.
     ``REPLACES``, ``(NAME,)`` if it is not: meshio's names for the format, which are then left out.
-    ``in_degrees``: whether what lies beside a file, by its path, says that it is in degrees.
+    ``in_degrees``: whether what lies beside a file, by its path, says that it is in degrees, or
+    that it is not; None where nothing says it.
     ``ONLY``, None if it is not: the one type of cell, "triangle" or "quad", that it can hold.
     """
 

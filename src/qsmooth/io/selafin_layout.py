@@ -21,10 +21,10 @@ MARK = 4  # bytes of the length that stands before and after each record
 ORIGIN, PLANES, DATE = slice(2, 4), 6, 9
 
 
-def order_of(head: bytes) -> str:
+def order_of(head: bytes | bytearray) -> str:
     """Byte order of a file that begins so, "<" or ">"; "" where it is no Selafin."""
     orders = {TITLE.to_bytes(MARK, "little"): "<", TITLE.to_bytes(MARK, "big"): ">"}
-    return orders.get(head[:MARK], "")
+    return orders.get(bytes(head[:MARK]), "")
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ class Layout:
 class _Records:
     """Reads records from the front."""
 
-    def __init__(self, data: bytes) -> None:
+    def __init__(self, data: bytes | bytearray) -> None:
         self.data, self.order, self.pos = data, order_of(data), 0
         if not self.order:
             raise MeshError(f"byte 0: the record of a title, of {TITLE} bytes, expected")
@@ -164,7 +164,7 @@ class _Records:
         return found
 
 
-def layout_of(data: bytes) -> Layout:
+def layout_of(data: bytes | bytearray) -> Layout:
     """Find the parts of a file, and check every record.
 
     Raises

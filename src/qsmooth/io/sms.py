@@ -34,6 +34,8 @@ NAMED = 5
 # SMS writes so many vertices of a node string into a line.
 A_LINE = 10
 NO_MATERIAL = 1
+# Cards that come in pairs.
+PAIRS = ((b"BEGPARAMDEF", b"ENDPARAMDEF"), (b"BEGCURVE", b"ENDCURVE"))
 
 
 def sniff(head: bytes) -> bool:
@@ -70,16 +72,36 @@ def read(data: bytes) -> FileContent:
     other = _others(text, firsts, keys)
     extras = [f"SMS cards {other}"] if other else []
     extras += ["comments"] if text.data != data else []
+    found = blocks_by_id(ids, blocks)
     return FileContent(
         np.ascontiguousarray(table[:, 1:]),
-        blocks_by_id(ids, blocks),
+        found,
         tags,
         names,
         extras=tuple(extras),
+        notes=tuple(_cut(text, keys, found, len(ids))),
         z_means="height",
         slots=text.slots(tokens[:, 1:]),
         places=places,
     )
+
+
+def _cut(text: Text, keys: IndexArray, cells: list[Block], n_nodes: int) -> list[str]:
+    """Signs that the end of a file is missing; it has no counts that would tell."""
+    notes = []
+    if text.data.rstrip(b" \t")[-1:] not in (b"\n", b"\r"):
+        notes.append("the last line has no end: the file may be cut off")
+    for begin, end in PAIRS:
+        if re.search(rb"(?m)^[ \t]*" + begin, text.data) and end not in text.data:
+            notes.append(f"{begin.decode()} has no {end.decode()}: the file is cut off")
+    nodes = np.flatnonzero(keys == _key(b"ND"))
+    elements = np.flatnonzero(np.isin(keys, [_key(card) for card in ELEMENTS]))
+    last = max((int(table.max()) for _, table in cells), default=-1)
+    if nodes.size and elements.size and elements[-1] > nodes[-1] and last + 1 < n_nodes:
+        notes.append(
+            f"the last {n_nodes - 1 - last} nodes are in no element: the file may be cut off"
+        )
+    return notes
 
 
 def _without_comments(data: bytes) -> bytes:

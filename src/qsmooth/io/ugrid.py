@@ -7,8 +7,8 @@ that follow from them; all other variables stay. Conventions: ugrid-conventions.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Iterable, Iterator
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -25,7 +25,7 @@ from qsmooth.io.text import integers, runs
 from qsmooth.io.ugrid_in_place import Derived, NodeCoordinates, Values, decoded
 from qsmooth.io.ugrid_writing import composed
 
-NAME = "ugrid-netcdf"  # meshio has another format of the name ugrid
+NAME = "ugrid"  # of meshio's formats that is another one, which is called aflr here
 ENDINGS = (".nc",)
 HOLDS = frozenset(("level", "geographic", "regions", "point_data", "cell_data"))
 REPLACES = ()
@@ -42,6 +42,20 @@ DEFAULT_FILLS = (-2147483647, -9223372036854775806)
 MOST_VALUES = 64
 EAST = ("degrees_east", "degree_east", "degreese", "degreee", "degrees_e", "degree_e")
 NORTH = ("degrees_north", "degree_north", "degreesn", "degreen", "degrees_n", "degree_n")
+LENGTHS = ("m", "metre", "metres", "meter", "meters", "km", "ft")
+# Standard names of CF for the bed, by the way they count.
+LEVELS = frozenset(("altitude", "height", "sea_floor_altitude", "bed_level", "surface_altitude"))
+DEPTHS = frozenset(
+    (
+        "depth",
+        "sea_floor_depth",
+        "sea_floor_depth_below_geoid",
+        "sea_floor_depth_below_mean_sea_level",
+        "sea_floor_depth_below_sea_level",
+        "sea_floor_depth_below_sea_surface",
+        "sea_floor_depth_below_reference_ellipsoid",
+    )
+)
 X_NAMES, Y_NAMES = ("projection_x_coordinate",), ("projection_y_coordinate",)
 
 
@@ -121,10 +135,18 @@ class _Reader:
             cell_data=cell_data,
             extras=_listed(sorted(others)),
             notes=tuple(self.notes),
-            geographic=_is_longitude(x) or _integer(self.attributes, "Spherical", 0) == 1,
+            geographic=self._in_degrees(x),
+            level=_level(node_data.values()),
             slots=NodeCoordinates((x.name, y.name), derived),
             data_slots=data_slots,
         )
+
+    def _in_degrees(self, x: Variable) -> bool | None:
+        """Whether coordinates are degrees; None where neither units nor names tell."""
+        if _is_longitude(x) or _integer(self.attributes, "Spherical", 0) == 1:
+            return True
+        lengths = x.text("units").lower() in LENGTHS or x.text("standard_name") in X_NAMES
+        return False if lengths else None
 
     def _topology(self) -> Attributes:
         """Attributes of the topology with faces; those of Deltares' old files are implied."""
@@ -278,6 +300,26 @@ def _integer(attributes: Attributes, name: str, default: int) -> int:
 
 def _is_longitude(one: Variable) -> bool:
     return one.text("units").lower() in EAST or one.text("standard_name") == "longitude"
+
+
+def _level(found: Iterable[Variable]) -> tuple[str, Literal["height", "depth"]] | None:
+    """Name of the bed at the nodes, and how it counts; None where there is not exactly one."""
+    beds = [
+        one
+        for one in found
+        if len(one.shape) == 1
+        and one.dtype.kind == "f"
+        and (
+            one.text("standard_name") in LEVELS | DEPTHS
+            or one.name.lower().endswith(("node_z", "netnode_z"))
+        )
+    ]
+    if len(beds) != 1:
+        return None
+    down = beds[0].text("positive").lower() or (
+        "down" if beds[0].text("standard_name") in DEPTHS else "up"
+    )
+    return beds[0].name, "depth" if down == "down" else "height"
 
 
 def _is_x(one: Variable) -> bool:

@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -74,6 +74,7 @@ class Values(InPlace):
 
     name: str
     axis: int
+    steady: ClassVar[bool] = True
 
     def write(self, data: bytes, old: FloatArray, new: FloatArray) -> bytes:
         """See `InPlace`."""

@@ -34,7 +34,9 @@ def composed(content: FileContent) -> bytes:
     found: dict[str, Stored] = {MESH: Stored((), _topology(), np.array(0, ">i4"))}
     for k, axis in enumerate("xy"):
         values = content.points[:, k].astype(">f8")
-        found[f"{MESH}_node_{axis}"] = Stored((NODE,), _axis(axis, content.geographic), values)
+        found[f"{MESH}_node_{axis}"] = Stored(
+            (NODE,), _axis(axis, bool(content.geographic)), values
+        )
     found[f"{MESH}_face_nodes"] = Stored(
         (FACE, MOST_NODES), {**_indices("face"), "_FillValue": np.array([FILL], ">i4")}, rows
     )

@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 
 # Their files hold no mesh that could be read back.
 NOT_MESHES = frozenset(("svg", "neuroglancer"))
+# Names other than meshio's: ugrid, which it has for AFLR's format, is UGRID's here.
+OURS = {"ugrid": "aflr"}
+THEIRS = {ours: theirs for theirs, ours in OURS.items()}
 # One mesh in several files cannot be replaced in one step.
 SEVERAL_FILES = frozenset(("tetgen", "xdmf"))
 # What has some of these put all into one.
@@ -34,7 +37,7 @@ ALONE = {"xdmf": {"data_format": "XML"}}
 # Of these meshio knows tetrahedra only.
 SOLID = frozenset(("cgns",))
 # What these hold is one block of each type of cell.
-ONE_BLOCK = frozenset(("med", "ugrid"))
+ONE_BLOCK = frozenset(("med", "aflr"))
 # What only the content knows of; all else is seen when the file is read back.
 UNSEEN = frozenset(
     (
@@ -81,7 +84,7 @@ def names(path: Path, without: Set[str]) -> list[str]:
     meshio = loaded()
 
     found = meshio.extension_to_filetypes.get(path.suffix.lower(), [])
-    return [name for name in found if name not in without | NOT_MESHES]
+    return [name for name in map(_ours, found) if name not in without | NOT_MESHES]
 
 
 def name_by_content(head: bytes, without: Set[str]) -> str | None:
@@ -96,7 +99,7 @@ def formats(without: Set[str]) -> dict[str, tuple[str, ...]]:
 
     endings: dict[str, list[str]] = {}
     for ending, found in meshio.extension_to_filetypes.items():
-        for name in found:
+        for name in map(_ours, found):
             if name not in without | NOT_MESHES:
                 endings.setdefault(name, []).append(ending)
     return {name: tuple(found) for name, found in sorted(endings.items())}
@@ -104,12 +107,17 @@ def formats(without: Set[str]) -> dict[str, tuple[str, ...]]:
 
 def readers() -> frozenset[str]:
     """Names of the formats that meshio reads triangles or quads from."""
-    return frozenset(loaded()._helpers.reader_map) - SOLID
+    return frozenset(map(_ours, loaded()._helpers.reader_map)) - SOLID
 
 
 def writers() -> frozenset[str]:
     """Names of those that it has a writer for, and that `write` takes."""
-    return frozenset(loaded()._helpers._writer_map) - (SEVERAL_FILES - ALONE.keys()) - SOLID
+    there = frozenset(map(_ours, loaded()._helpers._writer_map))
+    return there - (SEVERAL_FILES - ALONE.keys()) - SOLID
+
+
+def _ours(name: str) -> str:
+    return OURS.get(name, name)
 
 
 def read(path: Path, name: str) -> FileContent:
@@ -138,9 +146,9 @@ def read_here(path: Path, name: str) -> FileContent:
     """Read through meshio, in this process."""
     meshio = loaded()
 
-    with _quiet() as said, _as_mesh_error(said):
+    with _quiet() as said, _as_mesh_error(said, f"no valid file of format {name}"):
         file = path if name not in ENDLESS else _Ending.opened(path, text=ENDLESS[name])
-        mesh = meshio.read(file, file_format=name)
+        mesh = meshio.read(file, file_format=THEIRS.get(name, name))
     content = content_of(mesh)
     content.format = name
     if name in LIBRARIES:
@@ -166,8 +174,9 @@ def write(content: FileContent, path: Path, name: str) -> list[str]:
 
     def fill(temporary: Path) -> None:
         with _quiet() as said, _as_mesh_error(said, f"cannot write '{path}' as {name}"):
-            meshio.write(temporary, mesh, file_format=name, **options)
-            back = meshio.read(temporary, file_format=name)
+            theirs = THEIRS.get(name, name)
+            meshio.write(temporary, mesh, file_format=theirs, **options)
+            back = meshio.read(temporary, file_format=theirs)
         if np.ndim(back.points) != 2 or len(back.points) == 0:
             raise MeshError(f"cannot write '{path}': format {name} holds none of these cells")
         lost.extend(_missing(mesh, back))
@@ -346,7 +355,7 @@ def _as_mesh_error(said: io.StringIO, what: str = "") -> Iterator[None]:
     except ImportError as error:
         raise lacking(error.name or str(error), what or "this format") from error
     except (Exception, SystemExit) as error:  # meshio leaves the interpreter on a bad file
-        words = " ".join(said.getvalue().split()) or str(error) or type(error).__name__
+        words = " ".join(said.getvalue().split()) or f"{type(error).__name__} {error}"
         if isinstance(error, OSError) and error.strerror:
             words = error.strerror
         raise MeshError(f"{what + ': ' if what else ''}meshio says: {words[:300]}") from error
