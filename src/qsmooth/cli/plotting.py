@@ -42,6 +42,7 @@ ScaleOption = Annotated[
     Scale,
     typer.Option(
         "--plot-scale",
+        metavar=f"[{'|'.join(Scale)}]",
         help="How: [b]linear[/b], from the best to the worst there is; [b]quantiles[/b], each "
         "colour for a tenth of the cells, which shows what is alike.",
         rich_help_panel=REPORT,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from qsmooth.metrics import METRICS, Summary, quality
-from qsmooth.output.drawing import add_caption, new_figure, save
+from qsmooth.output.drawing import new_figure, save
 from qsmooth.output.figures import plot_mesh
 from qsmooth.paper.runs import COLUMNS, GIVEN, KNOWN, METHODS, PAPER_GUARD, PAPER_STEP, SWEEPS, Runs
 
@@ -136,7 +136,7 @@ def draw_by_sweep(runs: Runs) -> Figure:
         axes.spines[["top", "right"]].set_visible(False)
     axes.legend(fontsize=8, frameon=False)
     figure.suptitle("The spiral, sweep by sweep", fontsize=13)
-    add_caption(figure, "Of the paper only the figures after its last sweep are known.")
+    figure.supxlabel("Of the paper only the figures after its last sweep are known.", fontsize=9)
     return figure
 
 
