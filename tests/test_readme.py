@@ -47,7 +47,7 @@ def test_shell_examples_use_options_that_exist(capsys):
     lines = [line.partition("#")[0] for block in blocks("sh") for line in block.splitlines()]
     calls = [shlex.split(line)[1:] for line in lines if line.startswith("qsmooth ")]
     assert {words[0] for words in calls} == {
-        "info", "quality", "smooth", "untangle", "compare", "convert", "methods",
+        "info", "quality", "smooth", "untangle", "compare", "report", "convert", "methods",
     }  # fmt: skip
     for words in calls:
         if words == ["methods"]:
