@@ -115,10 +115,15 @@ def test_texts_stand_for_values_and_none():
     assert one.GetTimeLimit() == 7.5
     one.SetTimeLimit("")
     assert one.GetTimeLimit() is None
+    one.SetTimeLimit(2.0)
+    one.SetTimeLimit(None)  # what ParaView makes of an empty text
+    assert one.GetTimeLimit() is None
     one.SetKeepInterfaces(0)
     assert one.GetKeepInterfaces() is False
     one.SetInterpolate("bed,flow")
     assert one.GetInterpolate() == ("bed", "flow")
+    one.SetInterpolate(None)
+    assert one.GetInterpolate() == one.method().interpolate
     star = vtk_filter.StarFilter()
     star.SetSplitQuads("False")
     assert star.GetSplitQuads() is False
@@ -179,8 +184,8 @@ def plugin():
             patch.setitem(sys.modules, module.__name__, module)
         spec = importlib.util.spec_from_file_location("qsmooth_plugin", vtk_filter.__file__)
         loaded = importlib.util.module_from_spec(spec)
-        patch.setitem(sys.modules, "qsmooth_plugin", loaded)
-        spec.loader.exec_module(loaded)
+        spec.loader.exec_module(loaded)  # as ParaView does: it is in no table of modules
+        assert "qsmooth_plugin" not in sys.modules
         yield loaded, algorithm
 
 

@@ -32,3 +32,10 @@ def test_meshio_says_what_is_wrong_and_of_which_format(put):
     path = put("a.nas", "BEGIN BULK\nGRID,1,,0.5,0.,0.\nCQUAD4,1,1,1,2,3,4\nENDDATA\n")
     with pytest.raises(MeshError, match=r"a\.nas': no valid file of format nastran: meshio says: "):
         read_mesh(path)
+
+
+def test_what_meshio_did_not_foresee_is_told_in_words(put):
+    rows = "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,1.,1.,0.\nCTRIA3,1,1,1,2,9\n"
+    path = put("a.nas", f"BEGIN BULK\n{rows}ENDDATA\n")
+    with pytest.raises(MeshError, match=r"meshio says: 9 is asked for, .* \(KeyError\)$"):
+        read_mesh(path)

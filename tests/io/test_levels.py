@@ -7,6 +7,7 @@ from meshes import rough_grid
 from qsmooth import Mesh, to_meshio
 from qsmooth.inspection import inspect, may_be_degrees
 from qsmooth.io import formats, read_mesh, write_and_tell, write_mesh
+from qsmooth.io.netcdf_classic import compose, parse
 
 
 @pytest.fixture
@@ -30,6 +31,34 @@ def test_the_bed_of_a_ugrid_is_z_elsewhere_and_comes_back(tmp_path, bed, ending,
     assert np.allclose(other.points[:, 2], sign * levels)
     write_and_tell(tmp_path / "c.nc", other)
     assert np.allclose(read_mesh(tmp_path / "c.nc").source.point_data["mesh2d_node_z"], levels)
+
+
+@pytest.mark.parametrize(
+    ("about", "upwards"),
+    [
+        ({"standard_name": "altitude", "positive": "up"}, 1.0),
+        ({"standard_name": "altitude", "positive": "down"}, -1.0),
+        ({"standard_name": "sea_floor_depth_below_geoid"}, -1.0),
+        ({"standard_name": "depth", "positive": "Down"}, -1.0),
+        ({"standard_name": "depth", "positive": "up"}, 1.0),
+        ({"positive": "down"}, -1.0),  # by its name alone it is the bed
+    ],
+)
+def test_the_bed_of_a_ugrid_counts_as_it_says(tmp_path, bed, about, upwards):
+    mesh, values = bed
+    write_mesh(tmp_path / "a.nc", mesh)
+    net = parse((tmp_path / "a.nc").read_bytes())
+    z = net.variables["mesh2d_node_z"]
+    del z.attributes["standard_name"]
+    z.attributes.update(about)
+    (tmp_path / "a.nc").write_bytes(compose(net))
+    for ending, sign in ((".2dm", upwards), (".14", -upwards)):  # one has heights, one depths
+        path = tmp_path / f"b{ending}"
+        write_and_tell(path, read_mesh(tmp_path / "a.nc"))
+        assert np.array_equal(read_mesh(path).points[:, 2], sign * values)
+        write_and_tell(tmp_path / "c.nc", read_mesh(path))
+        back = read_mesh(tmp_path / "c.nc").source.point_data["mesh2d_node_z"]
+        assert np.array_equal(back, upwards * values)
 
 
 def test_formats_with_point_data_keep_the_bed_as_such(tmp_path, bed):

@@ -205,7 +205,7 @@ def test_truncated_anywhere(put, name):
     """One clear error, or, where only a remark was cut off, the same mesh."""
     content = content_of(name)
     whole = read_mesh(put(name, content))
-    for end in range(1, len(content), 11):
+    for end in places_to_cut(name, len(content)):
         path = put(name, content[:end])
         try:
             mesh = read_mesh(path)
@@ -216,6 +216,12 @@ def test_truncated_anywhere(put, name):
         same = np.array_equal(mesh.points[:, :n], whole.points[:, :n])
         fewer = len(mesh.cells) <= len(whole.cells)
         assert (same and fewer) or is_open_ended(name), end
+
+
+def places_to_cut(name: str, size: int) -> list[int]:
+    """Every eleventh byte; ten where each try starts a process."""
+    step = (size - 2) // 9 if name == "hdf5.nc" else 11
+    return list(range(1, size, step))
 
 
 def is_open_ended(name: str) -> bool:

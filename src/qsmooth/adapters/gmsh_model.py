@@ -14,7 +14,8 @@ from qsmooth._types import FloatArray, IndexArray
 from qsmooth.checks import require_vertices
 from qsmooth.errors import MeshError
 from qsmooth.io.file_content import FACES, FileContent
-from qsmooth.io.gmsh import TAGS, TYPES
+from qsmooth.io.gmsh import TAGS
+from qsmooth.io.gmsh_types import TYPES
 from qsmooth.mesh import Mesh, Surface
 
 NAME = "a model of gmsh (gmsh, gmsh.model)"

@@ -12,7 +12,7 @@ from qsmooth._types import FloatArray, IndexArray
 from qsmooth.checks import require_vertices
 from qsmooth.errors import MeshError
 from qsmooth.io.file_content import FileContent
-from qsmooth.io.vtk import POLYGON, blocks_of
+from qsmooth.io.vtk_cells import POLYGON, blocks_of
 from qsmooth.mesh import Mesh, Surface
 
 if TYPE_CHECKING:

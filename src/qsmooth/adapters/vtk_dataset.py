@@ -12,7 +12,7 @@ from qsmooth._types import IndexArray
 from qsmooth.checks import require_vertices
 from qsmooth.errors import MeshError
 from qsmooth.io.file_content import FACES, FileContent, region_tags
-from qsmooth.io.vtk import blocks_of, structured
+from qsmooth.io.vtk_cells import blocks_of, structured
 from qsmooth.mesh import Mesh, Surface
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import numpy as np
 
 from qsmooth.checks import require_vertices
 from qsmooth.io.file_content import FileContent
-from qsmooth.io.vtk import POLYGON, blocks_of
+from qsmooth.io.vtk_cells import POLYGON, blocks_of
 from qsmooth.mesh import Mesh, Surface
 
 if TYPE_CHECKING:

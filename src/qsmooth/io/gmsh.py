@@ -9,48 +9,19 @@ import numpy as np
 
 from qsmooth._types import FloatArray, IndexArray
 from qsmooth.errors import MeshError
+from qsmooth.io import gmsh_blocks
 from qsmooth.io.file_content import FACES, N_VERTICES, Block, FileContent
+from qsmooth.io.gmsh_blocks import Part, Physical
 from qsmooth.io.gmsh_data import NodeData, data_at_points, lines_of_data, read_node_data
+from qsmooth.io.gmsh_types import CODES, DIMENSIONS, TYPES, type_of
 from qsmooth.io.in_place import Slots, joined
-from qsmooth.io.text import Cursor, blocks_by_id, finish, rows_of, runs
+from qsmooth.io.text import Cursor, blocks_by_id, finish, rows_of
 
 NAME = "gmsh"
 ENDINGS = (".msh",)
 PRIORITY = 1  # .msh is FreeFEM's too
 HOLDS = frozenset(("z", "vertex", "line", "regions", "names", "point_data"))
 
-# Element type -> (name, vertices), from Gmsh's manual; what is not first order in two dimensions
-# is here only so that it can be refused by name.
-TYPES = {
-    1: ("line", 2),
-    2: ("triangle", 3),
-    3: ("quad", 4),
-    4: ("tetra", 4),
-    5: ("hexahedron", 8),
-    6: ("wedge", 6),
-    7: ("pyramid", 5),
-    8: ("line3", 3),
-    9: ("triangle6", 6),
-    10: ("quad9", 9),
-    11: ("tetra10", 10),
-    12: ("hexahedron27", 27),
-    13: ("wedge18", 18),
-    14: ("pyramid14", 14),
-    15: ("vertex", 1),
-    16: ("quad8", 8),
-    17: ("hexahedron20", 20),
-    18: ("wedge15", 15),
-    19: ("pyramid13", 13),
-    20: ("triangle9", 9),
-    21: ("triangle10", 10),
-    23: ("triangle15", 15),
-    26: ("line4", 4),
-    27: ("line5", 5),
-    36: ("quad16", 16),
-    37: ("quad25", 25),
-}
-CODES = {"vertex": 15, "line": 1, "triangle": 2, "quad": 3}
-DIMENSIONS = {"vertex": 0, "line": 1, "triangle": 2, "quad": 2}
 INDENTED = 80  # bytes that are looked at before the end of a section, whether it starts a line
 UNKNOWN = -1  # dimension of a physical name in the first form of version 2, which has none
 TAGS = ("gmsh:physical", "gmsh:geometrical")
@@ -76,10 +47,9 @@ class _Reader:
         self.ids: list[IndexArray] = []
         self.points: list[FloatArray] = []
         self.slots: list[Slots] = []
-        # (type, tag columns, vertex ids, bytes) of each run of elements
-        self.parts: list[tuple[int, IndexArray, IndexArray, IndexArray]] = []
+        self.parts: list[Part] = []
         self.names: dict[str, tuple[int, int]] = {}
-        self.physical: dict[tuple[int, int], int] = {}  # (dimension, entity) -> physical tag
+        self.physical: Physical = {}
         self.data_parts: list[NodeData] = []
         self.others: list[str] = []
 
@@ -161,18 +131,7 @@ class _Reader:
             self.names[match[3].decode("utf-8", "replace")] = (int(match[2]), dimension)
 
     def entities(self) -> None:
-        # Text and binary alike: counts of four dimensions, then each entity with its box.
-        cursor = self.cursor
-        counts = cursor.numbers(4, "i8").tolist()
-        for dimension, count in enumerate(counts):
-            n_box = 3 if dimension == 0 and self.version > 4.0 else 6
-            for _ in range(count):
-                tag = int(cursor.numbers(1, "i4")[0])
-                cursor.numbers(n_box, "f8")
-                groups = cursor.numbers(int(cursor.numbers(1, "i8")[0]), "i4").tolist()
-                self.physical[dimension, tag] = abs(groups[0]) if groups else 0
-                if dimension:
-                    cursor.numbers(int(cursor.numbers(1, "i8")[0]), "i4")
+        self.physical = gmsh_blocks.entities(self.cursor, self.version)
 
     def nodes(self) -> None:
         cursor = self.cursor
@@ -187,30 +146,8 @@ class _Reader:
                 ids, points, slots = _from_records(cursor, records)
             self.keep(ids, points, slots)
             return
-        if self.version == 4.0:
-            n_blocks, n_nodes = cursor.numbers(2, "i8").tolist()
-        else:
-            n_blocks, n_nodes = cursor.numbers(4, "i8").tolist()[:2]
-        for _ in range(n_blocks):
-            first, second, parametric, n = _head_of_block(cursor)
-            if n < 0 or n > len(self.data):
-                cursor.fail(f"{n} nodes in a block")
-            if n == 0 and self.ids:
-                continue
-            # (dimension, tag), but (tag, dimension) in 4.0; parametric nodes have u, v, w after z.
-            dimension = second if self.version == 4.0 else first
-            n_columns = 3 + (dimension if parametric else 0)
-            if self.version == 4.0:
-                token = cursor.token
-                points, slots = cursor.points(n, 1 + n_columns, (1, 2, 3))
-                ids = cursor.text.numbers_at(token + (1 + n_columns) * np.arange(n), np.int64)
-            else:
-                ids = cursor.numbers(n, "i8", "node tags")
-                points, slots = cursor.points(n, n_columns)
-            self.keep(ids, points, slots)
-        found = sum(map(len, self.ids))
-        if found != n_nodes:
-            cursor.fail(f"$Nodes says {n_nodes} nodes, its blocks have {found}")
+        for block in gmsh_blocks.nodes(cursor, self.version):
+            self.keep(*block)
 
     def keep(self, ids: IndexArray, points: FloatArray, slots: Slots) -> None:
         self.ids.append(ids)
@@ -219,7 +156,7 @@ class _Reader:
 
     def elements(self) -> None:
         if self.version >= 4:
-            self.elements_4()
+            self.parts += gmsh_blocks.elements(self.cursor, self.version, self.physical)
         elif self.cursor.order:
             self.elements_2_binary()
         else:
@@ -245,7 +182,7 @@ class _Reader:
         kinds = (codes * 64 + n_tags) * 64 + widths
         for i, j, table in text.tables(rows[:-1], widths, kinds):
             code, tags, width = int(codes[i]), int(n_tags[i]), int(widths[i])
-            kind, n_corners = self.type_of(code, int(rows[i]))
+            kind, n_corners = type_of(cursor, code, int(rows[i]))
             if width != (5 if old else 3 + tags) + n_corners or tags < 0:
                 text.fail(int(rows[i]), f"a {kind} with {tags} tags cannot have {width} numbers")
             first_tag = 2 if old else 3
@@ -260,7 +197,7 @@ class _Reader:
         n, done = _integer(cursor, "elements"), 0
         while done < n:
             code, count, n_tags = cursor.numbers(3, "i4", "element header").tolist()
-            _, n_corners = self.type_of(code)
+            _, n_corners = type_of(cursor, code)
             if count <= 0 or n_tags < 0:
                 cursor.fail(f"{count} elements with {n_tags} tags")
             place, width = cursor.pos, 1 + n_tags + n_corners
@@ -272,78 +209,6 @@ class _Reader:
             done += count
         if done != n:
             cursor.fail(f"$Elements says {n} elements, the file has {done}")
-
-    def elements_4(self) -> None:
-        cursor = self.cursor
-        if self.version == 4.0:
-            n_blocks, n_elements = cursor.numbers(2, "i8").tolist()
-        else:
-            n_blocks, n_elements = cursor.numbers(4, "i8").tolist()[:2]
-        found = 0 if cursor.order else self.elements_4_text(n_blocks)
-        for _ in range(n_blocks if cursor.order else 0):
-            first, second, code, n = _head_of_block(cursor)
-            dimension, entity = (second, first) if self.version == 4.0 else (first, second)
-            _, n_corners = self.type_of(code)
-            place = cursor.pos
-            table = cursor.numbers(n * (1 + n_corners), "i8", "elements").reshape(n, 1 + n_corners)
-            pair = np.array([[self.physical.get((dimension, entity), 0), entity]])
-            self.parts.append((code, np.repeat(pair, n, axis=0), table[:, 1:], np.full(n, place)))
-            found += n
-        if found != n_elements:
-            cursor.fail(f"$Elements says {n_elements} elements, its blocks have {found}")
-
-    def elements_4_text(self, n_blocks: int) -> int:
-        """All blocks of a section as text, parsed at once: some files have one for each cell.
-
-        Returns
-        -------
-        Number of elements.
-        """
-        cursor, text = self.cursor, self.cursor.text
-        first, stop = cursor.token, self.data.find(b"$", cursor.pos)
-        last = int(text.starts.searchsorted(stop)) if stop >= 0 else len(text)
-        values = text.numbers(first, last, np.int64)
-        heads = self.heads_of_blocks(values, n_blocks, first)
-        n_in, begins = heads[:, 3], heads[:, 4]
-        for i, j in runs(heads[:, 2]):
-            code, n = int(heads[i, 2]), n_in[i:j]
-            width = 1 + TYPES[code][1]
-            before = np.cumsum(n) - n
-            rows = np.repeat(begins[i:j] - width * before, n) + width * np.arange(n.sum())
-            entities = zip(heads[i:j, 0].tolist(), heads[i:j, 1].tolist(), strict=True)
-            pairs = np.array([[self.physical.get(one, 0), one[1]] for one in entities])
-            table = values[rows[:, None] + np.arange(1, width)]
-            self.parts.append((code, np.repeat(pairs, n, axis=0), table, text.starts[first + rows]))
-        return int(n_in.sum())
-
-    def heads_of_blocks(self, values: IndexArray, n_blocks: int, first: int) -> IndexArray:
-        """Dimension, entity, type, elements of each block, and where these begin, (n_blocks, 5)."""
-        cursor, text, place = self.cursor, self.cursor.text, 0
-        heads: list[tuple[int, int, int, int, int]] = []
-        for _ in range(n_blocks):
-            head = values[place : place + 4].tolist()
-            cursor.pos = (
-                int(text.starts[first + place]) if first + place < len(text) else cursor.pos
-            )
-            if len(head) < 4:
-                cursor.fail(f"{n_blocks} blocks of elements expected, {len(heads)} are there")
-            one, two, code, n = head
-            _, n_corners = self.type_of(code)
-            begin, place = place + 4, place + 4 + n * (1 + n_corners)
-            if n < 0 or place > len(values):
-                cursor.fail(f"a block of {n} elements expected: the file ends too early")
-            dimension, entity = (two, one) if self.version == 4.0 else (one, two)
-            heads.append((dimension, entity, code, n, begin))
-        if place:
-            cursor.pos = int(text.ends[first + place - 1])
-        return np.array(heads, np.int64).reshape(-1, 5)
-
-    def type_of(self, code: int, token: int | None = None) -> tuple[str, int]:
-        if code not in TYPES:
-            if token is not None:
-                self.cursor.text.fail(token, f"element type {code} is unknown")
-            self.cursor.fail(f"element type {code} is unknown")
-        return TYPES[code]
 
     def assemble(self) -> FileContent:
         ids = np.concatenate(self.ids)
@@ -422,13 +287,6 @@ def _stop(data: bytes, end: bytes, begin: int) -> int:
             return at + len(end)
         at = data.find(end, at + 1)
     return -1
-
-
-def _head_of_block(cursor: Cursor) -> list[int]:
-    """Three ints and a count, which as text are numbers alike."""
-    if not cursor.order:
-        return list(map(int, cursor.numbers(4, "i8")))
-    return [*cursor.numbers(3, "i4").tolist(), int(cursor.numbers(1, "i8")[0])]
 
 
 def _integer(cursor: Cursor, what: str) -> int:

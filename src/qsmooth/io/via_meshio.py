@@ -355,10 +355,20 @@ def _as_mesh_error(said: io.StringIO, what: str = "") -> Iterator[None]:
     except ImportError as error:
         raise lacking(error.name or str(error), what or "this format") from error
     except (Exception, SystemExit) as error:  # meshio leaves the interpreter on a bad file
-        words = " ".join(said.getvalue().split()) or f"{type(error).__name__} {error}"
+        words = " ".join(said.getvalue().split()) or _in_words(error)
         if isinstance(error, OSError) and error.strerror:
             words = error.strerror
         raise MeshError(f"{what + ': ' if what else ''}meshio says: {words[:300]}") from error
+
+
+def _in_words(error: BaseException) -> str:
+    """Say what an error of meshio is that it did not foresee."""
+    name = type(error).__name__
+    if isinstance(error, KeyError):
+        return f"{error} is asked for, which it does not know or the file does not have ({name})"
+    if not str(error):
+        return f"what it expects at some place is not there ({name})"
+    return f"{name} {error}"
 
 
 def _missing(mesh: meshio.Mesh, back: meshio.Mesh) -> list[str]:

@@ -20,7 +20,8 @@ from qsmooth.errors import MeshError
 from qsmooth.io.file_content import N_VERTICES, FileContent, region_tags
 from qsmooth.io.in_place import Edit, InPlace, Slots, joined, replace
 from qsmooth.io.text import Text
-from qsmooth.io.vtk import CODES, blocks_of, cell_arrays
+from qsmooth.io.vtk import cell_arrays
+from qsmooth.io.vtk_cells import CODES, blocks_of
 from qsmooth.io.vtu_blocks import MOST_MORE, MOST_TIMES, Storage
 
 NAME = "vtu"
