@@ -17,6 +17,15 @@ def test_figures_of_commands(call, mesh_file, tmp_path, command):
     assert len(list(folder.iterdir())) == 6
 
 
+@pytest.mark.parametrize(
+    "flags", [["--plot-metric", "shape"], ["--plot-scale", "quantiles"]], ids=lambda flags: flags[0]
+)
+def test_looks_of_figures_that_are_not_drawn(fails, mesh_file, flags):
+    message = fails("quality", mesh_file, *flags)
+    assert f"{flags[0]} is of figures" in message
+    assert "add --plot FOLDER" in message
+
+
 def test_every_metric_in_a_file(call, fails, mesh_file, tmp_path):
     out_file = tmp_path / "out.vtu"
     assert call("convert", mesh_file, out_file, "--with-quality")[0] == 0

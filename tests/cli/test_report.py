@@ -107,3 +107,7 @@ def test_what_cannot_be_written_is_told_in_a_line(call, fails, mesh_file, page, 
     assert "--metrics must be one of" in fails("report", mesh_file, "--metrics", "no", "-o", page)
     assert not page.exists()
     assert not (tmp_path / "o.off").exists()
+
+
+def test_help_says_that_one_mesh_is_enough(call):
+    assert "qsmooth report BEFORE [AFTER] [OPTIONS]" in call("report", "--help")[1]

@@ -51,7 +51,7 @@ def compare(
 
     No mesh is written. An option goes to the methods that have it.
     """
-    plot_metric = plotting.checked(plot, plot_metric)
+    plot_metric = plotting.checked(plot, plot_metric, plot_scale)
     files.refuse_clash(json_file, mesh_file)
     others = filter(None, [json_file])
     files.refuse_clash(report_file, mesh_file, *others, option="--report")

@@ -50,17 +50,24 @@ ScaleOption = Annotated[
 ]
 
 
-def checked(plot: Path | None, metric: str) -> str:
+def checked(plot: Path | None, metric: str, scale: Scale) -> str:
     """Refuse a folder or a metric that is none before the work; gives the metric's name."""
     from qsmooth.metrics import find_metric
 
     name = find_metric(metric.replace("-", "_"), "--plot-metric").name
-    if plot is not None:
-        from qsmooth.output.drawing import require_matplotlib
+    if plot is None:
+        for option, given in (
+            ("--plot-metric", name != "max_angle"),
+            ("--plot-scale", scale is not Scale.linear),
+        ):
+            if given:
+                raise ValueError(f"{option} is of figures, and none is drawn: add --plot FOLDER")
+        return name
+    from qsmooth.output.drawing import require_matplotlib
 
-        if plot.exists() and not plot.is_dir():
-            raise ValueError(f"'{plot}' is a file; --plot takes a folder")
-        require_matplotlib()
+    if plot.exists() and not plot.is_dir():
+        raise ValueError(f"'{plot}' is a file; --plot takes a folder")
+    require_matplotlib()
     return name
 
 

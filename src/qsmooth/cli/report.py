@@ -22,7 +22,7 @@ def report(
     after: Annotated[
         Path | None,
         typer.Argument(
-            metavar="AFTER",
+            metavar="[AFTER]",
             help="Mesh file with the same cells, to put beside it.",
             show_default=False,
         ),

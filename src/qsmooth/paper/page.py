@@ -255,7 +255,9 @@ def _commands_words(pictures: bool) -> str:
     where = "the folder of this page" if pictures else "the folder that it made"
     return (
         "`qsmooth paper -o paper` makes all; the first command of each row makes that figure "
-        f"alone, the second the same numbers by plain commands, in {where}, where the meshes lie."
+        f"alone, the second the same numbers by plain commands, in {where}, where the meshes lie. "
+        f"With `--step {PAPER_STEP:g} --guard {PAPER_GUARD}` those of `star` and `quad` take what "
+        "is understood here as the paper's choices; the figures are of the defaults."
     )
 
 
