@@ -17,6 +17,15 @@ def test_figures_of_commands(call, mesh_file, tmp_path, command):
     assert len(list(folder.iterdir())) == 6
 
 
+def test_histograms_with_a_logarithmic_axis(call, mesh_file, tmp_path):
+    pytest.importorskip("matplotlib")
+    plain, log = tmp_path / "plain", tmp_path / "log"
+    assert call("quality", mesh_file, "--plot", plain)[0] == 0
+    assert call("quality", mesh_file, "--plot", log, "--plot-log")[0] == 0
+    for name, same in (("histograms.svg", False), ("mesh.svg", True)):
+        assert ((plain / name).read_bytes() == (log / name).read_bytes()) == same
+
+
 def test_every_metric_in_a_file(call, fails, mesh_file, tmp_path):
     out_file = tmp_path / "out.vtu"
     assert call("convert", mesh_file, out_file, "--with-quality")[0] == 0

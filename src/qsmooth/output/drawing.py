@@ -31,14 +31,14 @@ LINE_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
 INVALID_COLOUR, INVALID_EDGE = "#202020", "#CC79A7"
 # Cells beyond this many go into an SVG as an image; a picture of each would weigh megabytes.
 VECTOR_CELLS = 6000
-DPI = 150
+DPI = 120
 # Of images inside an SVG, which a browser scales.
 INNER_DPI = 100
 # A third of the time of the usual 6, for larger files.
 COMPRESSION = 1
 # Inches: beside a panel for its ticks, the colour bar and its words, above for titles, below for
 # ticks and for each line of the caption.
-LEFT, BAR, RIGHT, TITLES, HEADING, TICKS, LINE = 0.75, 1.15, 0.2, 0.48, 0.4, 0.35, 0.19
+LEFT, BAR, RIGHT, TITLES, HEADING, TICKS, LINE = 0.75, 1.3, 0.2, 0.48, 0.4, 0.35, 0.19
 # Points; edges of cells smaller than the first would hide them, others are this share of the cell.
 LEAST_LINED, LINE_SHARE, WIDEST_LINE = 1.6, 0.045, 0.8
 WIDTH_STEP = 0.2  # of large meshes
@@ -263,6 +263,7 @@ def label_cells(
     middles = np.array(
         [mesh.xy[mesh.cell_vertices[first[c] : first[c + 1]]].mean(axis=0) for c in cells]
     ).reshape(-1, 2)
+    middles = np.clip(middles, window[0], window[1])  # of cells that are seen in part
     shares = np.clip((middles - window[0]) / np.ptp(window, axis=0), 0.02, 0.98)
     for side in (0, 1):
         here = np.flatnonzero((shares[:, 0] >= 0.5) == bool(side))
