@@ -114,7 +114,7 @@ def map_sheet(
     if columns is None:
         columns = 1 if len(windows) > 1 and slope < 0.55 else len(windows)
     rows = -(-len(windows) // columns)
-    across = min({1: 11.0, 2: 6.3}.get(columns, 4.6), 7.5 / slope)
+    across = min({1: 10.0, 2: 6.0}.get(columns, 4.6), 7.5 / slope)
     sheet = _sheet(ax, len(windows), (rows, columns), (across, across * slope), bar)
     for axes, window in zip(sheet.panels, windows, strict=True):
         axes.set_aspect("equal")
@@ -128,7 +128,7 @@ def map_sheet(
 
 def chart_sheet(ax: Any, n: int) -> Sheet:
     """Panels for charts, in a row."""
-    return _sheet(ax, n, (1, n), (max(4.0, 11.0 / n), 3.4), bar=False)
+    return _sheet(ax, n, (1, n), (max(3.3, 11.0 / n), 3.4), bar=False)
 
 
 def _sheet(ax: Any, n: int, grid: tuple[int, int], size: tuple[float, float], bar: bool) -> Sheet:
