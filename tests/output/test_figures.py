@@ -223,6 +223,10 @@ def test_cells_seen_in_part_are_labelled_inside(mesh):
     drawing.label_cells(axes, mesh, np.array([0]), half, str)
     (label,) = axes.texts
     assert (np.asarray(label.xy) >= half[0]).all()
+    drawing.label_cells(axes, mesh, np.arange(0, mesh.n_cells, 50), whole, str)
+    for text in axes.texts[1:]:
+        share = (text.xy[0] - whole[0, 0]) / np.ptp(whole[:, 0])
+        assert abs(text.get_position()[0] - share) < 0.31
 
 
 def test_the_same_figure_is_the_same_file(mesh, tmp_path):

@@ -41,6 +41,8 @@ COMPRESSION = 1
 LEFT, BAR, RIGHT, TITLES, HEADING, TICKS, LINE = 0.75, 1.3, 0.2, 0.48, 0.4, 0.35, 0.19
 # Points; edges of cells smaller than the first would hide them, others are this share of the cell.
 LEAST_LINED, LINE_SHARE, WIDEST_LINE = 1.6, 0.045, 0.8
+# Share of a panel that the words at a cell stand away from it at most, sideways.
+LEADER = 0.3
 WIDTH_STEP = 0.2  # of large meshes
 
 
@@ -257,7 +259,7 @@ def _add_polygons(axes: Axes, mesh: Mesh, cells: IndexArray, **style: Any) -> No
 def label_cells(
     axes: Axes, mesh: Mesh, cells: IndexArray, window: FloatArray, text: Callable[[int], str]
 ) -> None:
-    """Write at cells: in columns at the sides of the panel, with a line to each."""
+    """Write at cells: towards the nearer side of the panel, with a line to each."""
     cells = cells[cells_in(mesh, window)[cells]]
     first = mesh.cell_offsets
     middles = np.array(
@@ -265,6 +267,7 @@ def label_cells(
     ).reshape(-1, 2)
     middles = np.clip(middles, window[0], window[1])  # of cells that are seen in part
     shares = np.clip((middles - window[0]) / np.ptp(window, axis=0), 0.02, 0.98)
+    across = np.clip(shares[:, 0] + np.where(shares[:, 0] >= 0.5, LEADER, -LEADER), 0.015, 0.985)
     for side in (0, 1):
         here = np.flatnonzero((shares[:, 0] >= 0.5) == bool(side))
         here = here[np.argsort(-shares[here, 1], kind="stable")]
@@ -275,7 +278,7 @@ def label_cells(
             axes.annotate(
                 text(int(cells[k])),
                 middles[k],
-                (0.985 if side else 0.015, height),
+                (across[k], height),
                 textcoords="axes fraction",
                 fontsize=7,
                 ha="right" if side else "left",
