@@ -29,8 +29,8 @@ from .outcome import Stop as Stop
 from .output.cell_quality import with_quality as with_quality
 from .output.charts import plot_convergence as plot_convergence
 from .output.charts import plot_histograms as plot_histograms
+from .output.displacement import plot_displacement as plot_displacement
 from .output.figures import plot_comparison as plot_comparison
-from .output.figures import plot_displacement as plot_displacement
 from .output.figures import plot_mesh as plot_mesh
 from .output.figures import plot_methods as plot_methods
 from .output.report import report as report

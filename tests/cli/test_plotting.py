@@ -18,12 +18,21 @@ def test_figures_of_commands(call, mesh_file, tmp_path, command):
 
 
 @pytest.mark.parametrize(
-    "flags", [["--plot-metric", "shape"], ["--plot-scale", "quantiles"]], ids=lambda flags: flags[0]
+    "flags", [["--plot-metric", "shape"], ["--plot-scale", "quantiles"], ["--plot-log"]], ids=lambda flags: flags[0]
 )
 def test_looks_of_figures_that_are_not_drawn(fails, mesh_file, flags):
     message = fails("quality", mesh_file, *flags)
     assert f"{flags[0]} is of figures" in message
     assert "add --plot FOLDER" in message
+
+
+def test_histograms_with_a_logarithmic_axis(call, mesh_file, tmp_path):
+    pytest.importorskip("matplotlib")
+    plain, log = tmp_path / "plain", tmp_path / "log"
+    assert call("quality", mesh_file, "--plot", plain)[0] == 0
+    assert call("quality", mesh_file, "--plot", log, "--plot-log")[0] == 0
+    for name, same in (("histograms.svg", False), ("mesh.svg", True)):
+        assert ((plain / name).read_bytes() == (log / name).read_bytes()) == same
 
 
 def test_every_metric_in_a_file(call, fails, mesh_file, tmp_path):

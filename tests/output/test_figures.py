@@ -7,15 +7,10 @@ from meshes import random_mesh
 from qsmooth import Mesh, quality, smooth
 from qsmooth.examples import spiral
 from qsmooth.metrics import METRICS
-from qsmooth.output import drawing, figures
+from qsmooth.output import displacement, drawing, figures, saving
 from qsmooth.output.charts import plot_convergence, plot_histograms
-from qsmooth.output.figures import (
-    VIEWS,
-    plot_comparison,
-    plot_displacement,
-    plot_mesh,
-    plot_methods,
-)
+from qsmooth.output.displacement import plot_displacement
+from qsmooth.output.figures import VIEWS, plot_comparison, plot_mesh, plot_methods
 from qsmooth.output.saving import save_figures
 from qsmooth.output.scales import UNDEFINED_COLOUR
 
@@ -190,6 +185,50 @@ def test_all_figures_are_saved(mesh, result, tmp_path):
         assert head == (b"\x89PNG\r" if path.suffix == ".png" else b"<?xml")
 
 
+def test_large_meshes_are_saved_as_images_once(mesh, result, tmp_path, monkeypatch):
+    monkeypatch.setattr(saving, "IMAGE_CELLS", mesh.n_cells)
+    names = {path.name for path in save_figures(mesh, result, tmp_path)}
+    views = {f"comparison-{view}.png" for view in VIEWS if view != "overlay"}
+    assert names == {"histograms.png", "convergence.png", "displacement.png"} | views
+
+
+def test_ratios_over_decades_have_logarithmic_colours():
+    x = np.append(0.0, np.cumsum(10.0 ** np.arange(5)))
+    strip = Mesh(
+        np.concatenate([np.column_stack([x, 0.0 * x]), np.column_stack([x, 0.0 * x + 1.0])]),
+        [[k, k + 1, k + 7, k + 6] for k in range(5)],
+    )
+    figure = plot_mesh(strip, metric="aspect_ratio")
+    assert figure.axes[1].get_yscale() == "log"
+    faces = polygons(figure.axes[0])[0].get_facecolor()
+    assert len(np.unique(faces, axis=0)) == 5
+    assert plot_mesh(strip).axes[1].get_yscale() == "linear"
+
+
+def test_long_words_beside_the_bar_go_on_in_a_second_line(mesh):
+    figure = plot_mesh(mesh, metric="aspect_ratio", scale="quantiles")
+    label = figure.axes[1].yaxis.label
+    box = label.get_window_extent(figure.canvas.get_renderer())
+    assert box.y0 > 0.0
+    assert box.y1 < figure.bbox.height
+    assert box.x1 < figure.bbox.width
+
+
+def test_cells_seen_in_part_are_labelled_inside(mesh):
+    whole = figures.whole_window(mesh)
+    figure = drawing.new_figure(4.0, 4.0)
+    axes = figure.add_subplot()
+    half = np.array([mesh.xy[mesh.cell_vertices[:4]].mean(axis=0) * 1.0, whole[1]])
+    half[0, 0] += 1e-9 * np.ptp(whole[:, 0])
+    drawing.label_cells(axes, mesh, np.array([0]), half, str)
+    (label,) = axes.texts
+    assert (np.asarray(label.xy) >= half[0]).all()
+    drawing.label_cells(axes, mesh, np.arange(0, mesh.n_cells, 50), whole, str)
+    for text in axes.texts[1:]:
+        share = (text.xy[0] - whole[0, 0]) / np.ptp(whole[:, 0])
+        assert abs(text.get_position()[0] - share) < 0.31
+
+
 def test_the_same_figure_is_the_same_file(mesh, tmp_path):
     for name in ("one.svg", "two.svg"):
         plot_mesh(mesh, path=tmp_path / name)
@@ -243,7 +282,7 @@ def test_quantiles_share_the_cells_out(mesh):
 
 
 def test_large_meshes_have_a_map_of_moves_for_two_nets(mesh, result, monkeypatch):
-    monkeypatch.setattr(figures, "OVERLAY_CELLS", 100)
+    monkeypatch.setattr(displacement, "OVERLAY_CELLS", 100)
     figure = plot_comparison(result, view="overlay")
     assert "How far a vertex moved" in texts(figure)
     assert "moved, by" in texts(plot_displacement(result))

@@ -25,7 +25,8 @@ PlotOption = Annotated[
     typer.Option(
         "--plot",
         metavar="FOLDER",
-        help="Also write figures, as PNG and SVG, into this folder.",
+        help="Also write figures into this folder, as PNG and SVG; of 20 000 cells and more as PNG "
+        "alone.",
         rich_help_panel=REPORT,
     ),
 ]
@@ -45,6 +46,15 @@ ScaleOption = Annotated[
         metavar=f"[{'|'.join(Scale)}]",
         help="How: [b]linear[/b], from the best to the worst there is; [b]quantiles[/b], each "
         "colour for a tenth of the cells, which shows what is alike.",
+        rich_help_panel=REPORT,
+    ),
+]
+
+LogOption = Annotated[
+    bool,
+    typer.Option(
+        "--plot-log",
+        help="Give histograms a logarithmic axis, which shows the few bad cells of many.",
         rich_help_panel=REPORT,
     ),
 ]

@@ -90,6 +90,7 @@ def quality(
     plot: plotting.PlotOption = None,
     plot_metric: plotting.MetricOption = "max_angle",
     plot_scale: plotting.ScaleOption = plotting.Scale.linear,
+    plot_log: plotting.LogOption = False,
     json_file: files.JsonOption = None,
     debug: files.DebugOption = False,
 ) -> None:
@@ -128,7 +129,9 @@ def quality(
     def save(folder: Path) -> object:
         from qsmooth.output.saving import save_quality_figures
 
-        return save_quality_figures(mesh, folder, metric=plot_metric, scale=plot_scale.value)
+        return save_quality_figures(
+            mesh, folder, metric=plot_metric, scale=plot_scale.value, log=plot_log
+        )
 
     with files.Outputs() as outputs:
         if junit is not None:

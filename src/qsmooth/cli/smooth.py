@@ -38,6 +38,7 @@ def smooth(
     plot: plotting.PlotOption = None,
     plot_metric: plotting.MetricOption = "max_angle",
     plot_scale: plotting.ScaleOption = plotting.Scale.linear,
+    plot_log: plotting.LogOption = False,
     json_file: files.JsonOption = None,
     report_file: files.ReportOption = None,
     debug: files.DebugOption = False,
@@ -65,7 +66,9 @@ def smooth(
     def save(folder: Path) -> object:
         from qsmooth.output.saving import save_figures
 
-        return save_figures(mesh, result, folder, metric=plot_metric, scale=plot_scale.value)
+        return save_figures(
+            mesh, result, folder, metric=plot_metric, scale=plot_scale.value, log=plot_log
+        )
 
     facts = {
         "input": str(mesh_file),

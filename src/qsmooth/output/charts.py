@@ -11,8 +11,8 @@ import numpy as np
 from qsmooth._types import FloatArray
 from qsmooth._words import plural
 from qsmooth.metrics import METRICS, Summary, parse_metrics, quality
+from qsmooth.output.drawables import Drawable, mesh_of, named_results
 from qsmooth.output.drawing import AFTER_COLOUR, BEFORE_COLOUR, LINE_COLOURS, chart_sheet
-from qsmooth.output.figures import Drawable, mesh_of, named_results
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -113,15 +113,10 @@ def _draw_histogram(axes: Axes, name: str, summaries: Sequence[Summary], log: bo
         )
         counts = [str(n) if n else "" for n in counted.counts]
         axes.bar_label(bars, counts, padding=1.5, fontsize=6, rotation=90)
-    ticks = [f"{e:g}" for e in edges if np.isfinite(e)]
+    ticks = [f"{e:g}" if np.isfinite(e) else "more" for e in edges]
     axes.set_xticks(np.arange(len(ticks)) - 0.5, ticks, fontsize=8)
     axes.tick_params(axis="y", labelsize=8)
     axes.set_xlim(-0.6, len(places) - 0.4)
-    if np.isinf(edges[-1]):
-        axes.text(
-            len(places) - 0.5, -0.015, "and more", fontsize=7, ha="left", va="top",
-            transform=axes.get_xaxis_transform(),
-        )  # fmt: skip
     axes.set_xlabel(f"{metric.title} of a cell{metric.unit_words}", fontsize=9)
     axes.set_ylabel("Per cent of the cells", fontsize=9)
     axes.spines[["top", "right"]].set_visible(False)

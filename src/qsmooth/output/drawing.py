@@ -31,16 +31,18 @@ LINE_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
 INVALID_COLOUR, INVALID_EDGE = "#202020", "#CC79A7"
 # Cells beyond this many go into an SVG as an image; a picture of each would weigh megabytes.
 VECTOR_CELLS = 6000
-DPI = 150
+DPI = 120
 # Of images inside an SVG, which a browser scales.
 INNER_DPI = 100
 # A third of the time of the usual 6, for larger files.
 COMPRESSION = 1
 # Inches: beside a panel for its ticks, the colour bar and its words, above for titles, below for
 # ticks and for each line of the caption.
-LEFT, BAR, RIGHT, TITLES, HEADING, TICKS, LINE = 0.75, 1.15, 0.2, 0.48, 0.4, 0.35, 0.19
+LEFT, BAR, RIGHT, TITLES, HEADING, TICKS, LINE = 0.75, 1.3, 0.2, 0.48, 0.4, 0.35, 0.19
 # Points; edges of cells smaller than the first would hide them, others are this share of the cell.
 LEAST_LINED, LINE_SHARE, WIDEST_LINE = 1.6, 0.045, 0.8
+# Share of a panel that the words at a cell stand away from it at most, sideways.
+LEADER = 0.3
 WIDTH_STEP = 0.2  # of large meshes
 
 
@@ -114,7 +116,7 @@ def map_sheet(
     if columns is None:
         columns = 1 if len(windows) > 1 and slope < 0.55 else len(windows)
     rows = -(-len(windows) // columns)
-    across = min({1: 11.0, 2: 6.3}.get(columns, 4.6), 7.5 / slope)
+    across = min({1: 10.0, 2: 6.0}.get(columns, 4.6), 7.5 / slope)
     sheet = _sheet(ax, len(windows), (rows, columns), (across, across * slope), bar)
     for axes, window in zip(sheet.panels, windows, strict=True):
         axes.set_aspect("equal")
@@ -128,7 +130,7 @@ def map_sheet(
 
 def chart_sheet(ax: Any, n: int) -> Sheet:
     """Panels for charts, in a row."""
-    return _sheet(ax, n, (1, n), (max(4.0, 11.0 / n), 3.4), bar=False)
+    return _sheet(ax, n, (1, n), (max(3.3, 11.0 / n), 3.4), bar=False)
 
 
 def _sheet(ax: Any, n: int, grid: tuple[int, int], size: tuple[float, float], bar: bool) -> Sheet:
@@ -257,13 +259,15 @@ def _add_polygons(axes: Axes, mesh: Mesh, cells: IndexArray, **style: Any) -> No
 def label_cells(
     axes: Axes, mesh: Mesh, cells: IndexArray, window: FloatArray, text: Callable[[int], str]
 ) -> None:
-    """Write at cells: in columns at the sides of the panel, with a line to each."""
+    """Write at cells: towards the nearer side of the panel, with a line to each."""
     cells = cells[cells_in(mesh, window)[cells]]
     first = mesh.cell_offsets
     middles = np.array(
         [mesh.xy[mesh.cell_vertices[first[c] : first[c + 1]]].mean(axis=0) for c in cells]
     ).reshape(-1, 2)
+    middles = np.clip(middles, window[0], window[1])  # of cells that are seen in part
     shares = np.clip((middles - window[0]) / np.ptp(window, axis=0), 0.02, 0.98)
+    across = np.clip(shares[:, 0] + np.where(shares[:, 0] >= 0.5, LEADER, -LEADER), 0.015, 0.985)
     for side in (0, 1):
         here = np.flatnonzero((shares[:, 0] >= 0.5) == bool(side))
         here = here[np.argsort(-shares[here, 1], kind="stable")]
@@ -274,7 +278,7 @@ def label_cells(
             axes.annotate(
                 text(int(cells[k])),
                 middles[k],
-                (0.985 if side else 0.015, height),
+                (across[k], height),
                 textcoords="axes fraction",
                 fontsize=7,
                 ha="right" if side else "left",

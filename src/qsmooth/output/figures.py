@@ -1,4 +1,4 @@
-"""Maps: a mesh by quality, before and after, by method; how far it moved. Needs matplotlib."""
+"""Maps: a mesh by quality, before and after, by method. Needs matplotlib."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ import numpy as np
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray
 from qsmooth._words import plural
-from qsmooth.adapters import as_mesh
 from qsmooth.mesh import Mesh
 from qsmooth.metrics import Metric, Quality, find_metric, quality
 from qsmooth.output import drawing
-from qsmooth.output.scales import ColourScale, Scale, colour_scale, moves_scale
+from qsmooth.output.displacement import overlay
+from qsmooth.output.drawables import Drawable, before_of, mesh_of, named_results, pair
+from qsmooth.output.scales import ColourScale, Scale, colour_scale
 from qsmooth.output.tables import method_title
 from qsmooth.output.views import (
     cells_in,
-    edge_lengths,
     good_window,
     narrow_window,
     whole_window,
@@ -34,13 +34,10 @@ if TYPE_CHECKING:
 
 View: TypeAlias = Literal["whole", "overlay", "worst", "left", "narrow", "good"]
 MeshView: TypeAlias = Literal["whole", "worst"]
-Drawable: TypeAlias = "Mesh | SmoothResult | tuple[Any, Any]"
 
 VIEWS: tuple[View, ...] = ("whole", "overlay", "worst", "left", "narrow", "good")
 # Of a small mesh no more than this share of the cells is outlined.
 LARGEST_OUTLINED_SHARE = 0.1
-# From so many cells on two nets over each other are grey.
-OVERLAY_CELLS = 20_000
 # Cells whose number and figure are written in a view of the whole, and in one that is zoomed.
 WRITTEN_WHOLE, WRITTEN_ZOOMED = 3, 6
 
@@ -68,7 +65,8 @@ def plot_mesh(
     view
         ``"whole"``, or ``"worst"``: zoomed on the worst cell.
     scale
-        ``"linear"``: colours go with the figure, from the best to the worst that there is.
+        ``"linear"``: colours go with the figure, from the best to the worst that there is, and
+        of sizes and ratios that span more than two decades with its logarithm.
         ``"quantiles"``: each of ten colours has a tenth of the cells, and the worst tenth three.
     worst
         How many of the worst cells to outline, a tenth of all cells at most. Number and figure are
@@ -159,13 +157,13 @@ def plot_comparison(
     shown_metric = find_metric(metric)
     if view not in VIEWS:
         raise ValueError(f"view must be one of {', '.join(VIEWS)}; got {view!r}")
-    meshes = _pair(before, after)
+    meshes = pair(before, after)
     measured = quality(meshes[0]), quality(meshes[1])
     worst = _most_outlined(meshes[0], worst)
     result = before if after is None else after
     names = "Before", _after_words(result)
     if view == "overlay":
-        return _overlay(
+        return overlay(
             meshes, _worst_cell(shown_metric, measured[0]), names, scale, title, ax, path
         )
     colours = colour_scale(shown_metric, measured, scale)
@@ -199,42 +197,6 @@ def plot_comparison(
     if view == "left":
         caption += _limit_words(shown_metric, result)
     return sheet.finish(title or headings[view], caption, path)
-
-
-def plot_displacement(
-    before: Drawable,
-    after: Drawable | None = None,
-    *,
-    scale: Scale = "linear",
-    title: str = "",
-    ax: Axes | None = None,
-    path: str | Path | None = None,
-) -> Figure:
-    """Draw how far vertices moved, over the mean length of their edges before.
-
-    Parameters
-    ----------
-    before, after
-        As in `plot_comparison`. Each cell has the colour of its corner that moved farthest.
-    scale, title, ax, path
-        As in `plot_mesh`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
-    Raises
-    ------
-    ImportError, ValueError
-        As in `plot_comparison`.
-    """
-    meshes = _pair(before, after)
-    shares = moved_shares(*meshes)
-    colours, window = moves_scale(shares, scale), whole_window(meshes[1])
-    sheet = drawing.map_sheet(ax, [window], bar=True)
-    _draw_moves(sheet.panels[0], meshes[1], shares, colours, window)
-    colours.draw_bar(sheet.panels, sheet.bar)
-    return sheet.finish(title or "How far vertices moved", _moves_words(meshes[1], shares), path)
 
 
 def plot_methods(
@@ -274,7 +236,7 @@ def plot_methods(
     if view not in ("whole", "worst"):
         raise ValueError(f"view must be one of whole, worst; got {view!r}")
     before = before_of(next(iter(named.values())))
-    meshes = [before, *(_pair(before, result)[1] for result in named.values())]
+    meshes = [before, *(pair(before, result)[1] for result in named.values())]
     measured = [quality(mesh) for mesh in meshes]
     worst = _most_outlined(before, worst)
     colours = colour_scale(shown_metric, measured, scale)
@@ -296,53 +258,6 @@ def plot_methods(
     )
     caption += _invalid_words(measured) + (_zoom_words(window) if view == "worst" else "")
     return sheet.finish(title or f"What methods make of it, by {shown_metric.words}", caption, path)
-
-
-def mesh_of(mesh: Any) -> Mesh:
-    """Give the mesh of what can be drawn, of a result the one after smoothing."""
-    inner = getattr(mesh, "mesh", None)
-    return inner if isinstance(inner, Mesh) else as_mesh(mesh)
-
-
-def before_of(result: SmoothResult) -> Mesh:
-    """Give the mesh that a result began with."""
-    return result.mesh.with_points(result.quality_before.points)
-
-
-def named_results(
-    results: Mapping[str, SmoothResult] | Sequence[SmoothResult],
-) -> dict[str, SmoothResult]:
-    """Give results by the titles of their methods."""
-    if not results:
-        raise ValueError("there is no result to draw")
-    if not isinstance(results, Mapping):
-        named: dict[str, SmoothResult] = {}
-        for result in results:
-            count = sum(of.method == result.method for of in named.values())
-            named[f"{result.method} ({count + 1})" if count else result.method] = result
-        results = named
-    return {method_title(name): result for name, result in results.items()}
-
-
-def moved_shares(before: Mesh, after: Mesh) -> FloatArray:
-    """How far each vertex moved over the mean of its edges before, (n_vertices,)."""
-    lengths = edge_lengths(before)
-    moved = np.linalg.norm(after.xy - before.xy, axis=1)
-    shares: FloatArray = np.divide(moved, lengths, out=np.zeros_like(moved), where=lengths > 0.0)
-    return shares
-
-
-def _pair(before: Any, after: Any) -> tuple[Mesh, Mesh]:
-    if after is None:
-        if not hasattr(before, "quality_before"):
-            raise ValueError("after is missing: only a SmoothResult stands for both meshes")
-        return before_of(before), before.mesh
-    meshes = mesh_of(before), mesh_of(after)
-    if not np.array_equal(meshes[0].cell_offsets, meshes[1].cell_offsets) or not np.array_equal(
-        meshes[0].cell_vertices, meshes[1].cell_vertices
-    ):
-        raise ValueError("before and after must have the same cells")
-    return meshes
 
 
 def _worst_cell(metric: Metric, measured: Quality) -> int:
@@ -389,22 +304,6 @@ def _draw(
     return len(ranked)
 
 
-def _draw_moves(
-    axes: Axes, mesh: Mesh, shares: FloatArray, colours: ColourScale, window: FloatArray
-) -> None:
-    values = np.maximum.reduceat(shares[mesh.cell_vertices], mesh.cell_offsets[:-1])
-    drawing.draw_cells(axes, mesh, values, colours, window)
-
-
-def _moves_words(mesh: Mesh, shares: FloatArray) -> str:
-    n_moved = int((shares > 0.0).sum())
-    text = f"{drawing.size_of(mesh)}. {plural(n_moved, 'vertex', 'vertices')} moved"
-    if n_moved:
-        text += f", by {np.median(shares[shares > 0.0]):.2g} in the median"
-        text += f", by {shares.max():.2g} at most, vertex {int(np.argmax(shares))}"
-    return f"{text}. A cell has the colour of its corner that moved farthest."
-
-
 def _after_words(after: Any) -> str:
     method = getattr(after, "method", "")
     if not method:
@@ -430,43 +329,3 @@ def _limit_words(metric: Metric, result: Any) -> str:
         return ""
     text = str(limits).splitlines()[0 if metric.name == "min_angle" else 1]
     return f" Of the mesh: {text}."
-
-
-def _overlay(
-    meshes: tuple[Mesh, Mesh],
-    cell: int,
-    names: tuple[str, str],
-    scale: Scale,
-    title: str,
-    ax: Sequence[Axes] | None,
-    path: str | Path | None,
-) -> Figure:
-    from matplotlib.lines import Line2D
-
-    whole = whole_window(*meshes)
-    slope = float(np.clip(np.ptp(whole[:, 1]) / np.ptp(whole[:, 0]), 0.1, 4.0))
-    windows = whole, window_around(meshes[0], cell, slope)
-    moves = meshes[0].n_cells >= OVERLAY_CELLS
-    sheet = drawing.map_sheet(ax, windows, bar=moves)
-    for axes, window in zip(sheet.panels[moves:], windows[moves:], strict=True):
-        drawing.draw_nets(axes, meshes, window)
-    sheet.panels[0].set_title("Whole", fontsize=10)
-    sheet.panels[1].set_title("Around the worst cell before", fontsize=10)
-    caption = f"{drawing.size_of(meshes[0])}."
-    if moves:
-        shares = moved_shares(*meshes)
-        colours = moves_scale(shares, scale)
-        _draw_moves(sheet.panels[0], meshes[1], shares, colours, whole)
-        colours.draw_bar(sheet.panels, sheet.bar)
-        sheet.panels[0].set_title("How far vertices moved", fontsize=10)
-        caption = _moves_words(meshes[1], shares)
-    sheet.panels[1].legend(
-        [
-            Line2D([], [], color=colour, linewidth=2)
-            for colour in (drawing.BEFORE_COLOUR, drawing.AFTER_COLOUR)
-        ],
-        names,
-        loc="upper right",
-        fontsize=8,
-    )
-    return sheet.finish(title or "Both meshes drawn over each other", caption, path)

@@ -1,4 +1,4 @@
-"""Whole sets of figures, each as PNG and SVG, into a folder. Needs matplotlib."""
+"""Whole sets of figures, as PNG, and of smaller meshes as SVG, too. Needs matplotlib."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 from qsmooth.mesh import Mesh
 from qsmooth.output import figures
 from qsmooth.output.charts import plot_convergence, plot_histograms
+from qsmooth.output.displacement import OVERLAY_CELLS, plot_displacement
+from qsmooth.output.drawables import named_results
 from qsmooth.output.drawing import require_matplotlib, save
 from qsmooth.output.scales import Scale
 
@@ -17,6 +19,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from qsmooth.result import SmoothResult
+
+# Figures of so many cells are images in an SVG, too, so a PNG has all that it would have.
+IMAGE_CELLS = OVERLAY_CELLS
 
 
 def save_figures(
@@ -26,8 +31,11 @@ def save_figures(
     *,
     metric: str = "max_angle",
     scale: Scale = "linear",
+    log: bool = False,
 ) -> list[Path]:
     """Draw every figure of a smoothing, and save each as PNG and SVG.
+
+    Of 20 000 cells and more as PNG alone, and without those that others show, too.
 
     Parameters
     ----------
@@ -37,6 +45,8 @@ def save_figures(
         Made if it is not there.
     metric, scale
         What the cells are coloured by, and how.
+    log
+        Whether histograms have a logarithmic axis.
 
     Returns
     -------
@@ -45,15 +55,16 @@ def save_figures(
     """
     look = {"metric": metric, "scale": scale}
     mesh, comparison = figures.plot_mesh, figures.plot_comparison
-    wanted: dict[str, Callable[[], Figure]] = {
-        "before": partial(mesh, before, title="Before smoothing", **look),  # type: ignore[arg-type]
-        "after": partial(mesh, result, title="After smoothing", **look),  # type: ignore[arg-type]
-        "histograms": partial(plot_histograms, result),
-        "convergence": partial(plot_convergence, result),
-        "displacement": partial(figures.plot_displacement, before, result, scale=scale),
-    }
+    large = before.n_cells >= IMAGE_CELLS
+    wanted: dict[str, Callable[[], Figure]] = {}
+    if not large:
+        wanted["before"] = partial(mesh, before, title="Before smoothing", **look)  # type: ignore[arg-type]
+        wanted["after"] = partial(mesh, result, title="After smoothing", **look)  # type: ignore[arg-type]
+    wanted["histograms"] = partial(plot_histograms, result, log=log)
+    wanted["convergence"] = partial(plot_convergence, result)
+    wanted["displacement"] = partial(plot_displacement, before, result, scale=scale)
     for view in figures.VIEWS:
-        if view != "overlay" or before.n_cells < figures.OVERLAY_CELLS:
+        if view != "overlay" or not large:
             wanted[f"comparison-{view}"] = partial(
                 comparison,
                 before,
@@ -61,13 +72,18 @@ def save_figures(
                 view=view,
                 **look,  # type: ignore[arg-type]
             )
-    return _save_all(wanted, folder)
+    return _save_all(wanted, folder, before)
 
 
 def save_quality_figures(
-    mesh: Mesh, folder: str | Path, *, metric: str = "max_angle", scale: Scale = "linear"
+    mesh: Mesh,
+    folder: str | Path,
+    *,
+    metric: str = "max_angle",
+    scale: Scale = "linear",
+    log: bool = False,
 ) -> list[Path]:
-    """Draw a mesh, its worst cells and histograms, and save each as PNG and SVG."""
+    """Draw a mesh, its worst cells and histograms, and save each as `save_figures` does."""
     return _save_all(
         {
             "mesh": partial(figures.plot_mesh, mesh, metric=metric, scale=scale),
@@ -75,9 +91,10 @@ def save_quality_figures(
                 figures.plot_mesh, mesh, metric=metric, scale=scale, view="worst",
                 title="Around the worst cell",
             ),
-            "histograms": partial(plot_histograms, mesh),
+            "histograms": partial(plot_histograms, mesh, log=log),
         },
         folder,
+        mesh,
     )  # fmt: skip
 
 
@@ -88,7 +105,8 @@ def save_method_figures(
     metric: str = "max_angle",
     scale: Scale = "linear",
 ) -> list[Path]:
-    """Draw what methods made of a mesh side by side, and save each figure as PNG and SVG."""
+    """Draw what methods made of a mesh side by side, and save each as `save_figures` does."""
+    mesh = next(iter(named_results(results).values())).mesh
     methods = partial(figures.plot_methods, results, metric=metric, scale=scale)
     return _save_all(
         {
@@ -97,17 +115,21 @@ def save_method_figures(
             "convergence": partial(plot_convergence, results),
         },
         folder,
+        mesh,
     )
 
 
-def _save_all(wanted: Mapping[str, Callable[[], Figure]], folder: str | Path) -> list[Path]:
+def _save_all(
+    wanted: Mapping[str, Callable[[], Figure]], folder: str | Path, mesh: Mesh
+) -> list[Path]:
     require_matplotlib()
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
+    endings = ("png",) if mesh.n_cells >= IMAGE_CELLS else ("png", "svg")
     paths = []
     for name, draw in wanted.items():
         figure = draw()
-        for ending in ("png", "svg"):
+        for ending in endings:
             paths.append(folder / f"{name}.{ending}")
             save(figure, paths[-1])
     return paths

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
@@ -23,6 +24,10 @@ MOVES_COLOURS = "YlGnBu"
 UNDEFINED_COLOUR = "#D0D0D0"
 # Where a metric has cells worse than the end of its own scale, so many of them keep apart.
 MOST_PERCENT = 98.0
+# Inches of a letter beside the bar.
+LETTER = 0.072
+# Sizes and ratios that differ by more than this have colours that go with their logarithm.
+LARGEST_LINEAR_RATIO = 100.0
 # A class of the scale by quantiles has this share of the cells; the worst have smaller ones.
 SHARES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99, 1.0)
 
@@ -41,6 +46,8 @@ class ColourScale:
         Where classes of colour end, from best to worst; none where colours go with the figure.
     label, colours
         What stands beside it; the name of a map of colours.
+    log
+        Whether colours go with the logarithm of the figure.
     """
 
     best: float
@@ -49,6 +56,7 @@ class ColourScale:
     beyond: bool = False
     edges: tuple[float, ...] = ()
     colours: str = COLOURS
+    log: bool = False
 
     def shares(self, values: FloatArray) -> FloatArray:
         """Place of each figure from 0, the best, to 1; NaN for NaN."""
@@ -56,6 +64,9 @@ class ColourScale:
         if self.edges:
             inner = sign * np.array(self.edges[1:-1])
             places = np.searchsorted(inner, sign * values, side="right") / len(inner)
+        elif self.log:
+            low = min(self.best, self.worst)
+            places = np.log(np.maximum(values, low) / self.best) / np.log(self.worst / self.best)
         else:
             places = (values - self.best) / (self.worst - self.best)
         shares: FloatArray = np.where(np.isnan(values), np.nan, np.clip(places, 0.0, 1.0))
@@ -75,11 +86,12 @@ class ColourScale:
         """Draw it into a place of its own, or beside the panels."""
         from matplotlib import colormaps
         from matplotlib.cm import ScalarMappable
-        from matplotlib.colors import BoundaryNorm, Normalize
+        from matplotlib.colors import BoundaryNorm, LogNorm, Normalize
 
         rising = self.worst > self.best
         colours = colormaps[self.colours] if rising else colormaps[self.colours].reversed()
-        norm: Any = Normalize(min(self.best, self.worst), max(self.best, self.worst))
+        kind: Any = LogNorm if self.log else Normalize
+        norm: Any = kind(min(self.best, self.worst), max(self.best, self.worst))
         options: dict[str, Any] = {}
         if self.edges:
             ticks = np.sort(self.edges)
@@ -90,7 +102,9 @@ class ColourScale:
         figure: Any = panels[0].figure
         beside = {"ax": list(panels), "fraction": 0.04} if place is None else {"cax": place}
         bar = figure.colorbar(ScalarMappable(norm, colours), **beside, **options)
-        bar.set_label(self.label, fontsize=9)
+        # Words that are longer than the figure is high go on in a second line.
+        letters = int(0.8 * figure.get_size_inches()[1] / LETTER)
+        bar.set_label(textwrap.fill(self.label, max(30, letters)), fontsize=9)
         bar.ax.tick_params(labelsize=8)
 
 
@@ -112,7 +126,7 @@ def colour_scale(metric: Metric, measured: Sequence[Quality], scale: Scale) -> C
     if scale == "quantiles":
         edges = _quantiles(values, metric.higher_is_better)
         if len(edges) > 2:
-            label = f"{label}; a class a tenth of the cells, of the worst tenth 5, 4 and 1 %"
+            label = f"{label}; by tenths of the cells"
             return ColourScale(edges[0], edges[-1], label, edges=edges)
     low, high = _widened(float(values.min()), float(values.max()))
     best, worst = (high, low) if metric.higher_is_better else (low, high)
@@ -123,7 +137,15 @@ def colour_scale(metric: Metric, measured: Sequence[Quality], scale: Scale) -> C
         kept = sign * max(sign * end, sign * float(np.percentile(values, most)))
         if sign * (kept - best) > 0.0 and kept != worst:
             worst, beyond = kept, True
-    return ColourScale(best, worst, label, beyond)
+    return ColourScale(best, worst, label, beyond, log=_is_wide(metric, values))
+
+
+def _is_wide(metric: Metric, values: FloatArray) -> bool:
+    """Whether most figures of a size or a ratio, which have no end, span decades."""
+    if not np.isinf(metric.span[1]) or values.min() <= 0.0:
+        return False
+    low, high = np.percentile(values, (100.0 - MOST_PERCENT, MOST_PERCENT))
+    return bool(high > LARGEST_LINEAR_RATIO * low)
 
 
 def moves_scale(shares: FloatArray, scale: Scale) -> ColourScale:
@@ -136,7 +158,7 @@ def moves_scale(shares: FloatArray, scale: Scale) -> ColourScale:
     if scale == "quantiles":
         edges = (0.0, *(e for e in _quantiles(moved, higher_is_better=False) if e > 0.0))
         if len(edges) > 2:
-            label = f"{label}; classes of those that moved"
+            label = f"{label}; by tenths of those that moved"
             return ColourScale(0.0, edges[-1], label, edges=edges, colours=MOVES_COLOURS)
     most = float(np.percentile(moved, MOST_PERCENT))
     beyond = bool(moved.max() > most)

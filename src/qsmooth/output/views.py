@@ -64,7 +64,7 @@ def window_around(mesh: Mesh, cell: int, slope: float = 1.0) -> FloatArray:
 
 def _candidates(mesh: Mesh) -> IndexArray:
     # On large meshes fewer, as each is compared with all cells.
-    n = min(CANDIDATES, mesh.n_cells, max(20, 3_000_000 // mesh.n_cells))
+    n = min(CANDIDATES, mesh.n_cells, max(20, 1_000_000 // mesh.n_cells))
     return np.unique(np.linspace(0, mesh.n_cells - 1, n).astype(np.int64))
 
 
