@@ -1,11 +1,10 @@
 """The report's page in headless Chromium."""
 
-import os
-
 import numpy as np
 import pytest
 
 from browser import made_report
+from browser.looking import five_states, pane_centre, state
 
 LAKE_SIDE = 155  # 24K quads
 
@@ -20,21 +19,6 @@ def small(tmp_path_factory):
 def large(tmp_path_factory):
     path = tmp_path_factory.mktemp("report") / "large.html"
     return path, made_report.make(path, LAKE_SIDE)
-
-
-def state(page):
-    return page.evaluate("() => qsmoothReport.state()")
-
-
-def settled(page):
-    page.evaluate("() => new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))")
-
-
-def pane_centre(page, side):
-    box = page.locator("#stage").bounding_box()
-    return box["x"] + box["width"] * (0.25 if side == "left" else 0.75), box["y"] + box[
-        "height"
-    ] / 2
 
 
 def pixels(page, x, y):
@@ -60,29 +44,11 @@ def test_a_page_of_24k_quads_is_shown_in_five_states(open_page, large, pictures)
     path, truth = large
     page = open_page(path)
     assert state(page)["drawnCells"] == [LAKE_SIDE**2] * 2
-    page.screenshot(path=pictures / "1-whole.png")
-    page.select_option("#menu-metric", "aspect_ratio")
-    page.select_option("#menu-scale", "quantiles")
-    page.wait_for_function("() => qsmoothReport.state().metric === 'aspect_ratio'")
-    settled(page)
-    page.screenshot(path=pictures / "2-quantiles.png")
-    page.select_option("#menu-metric", "max_angle")
-    page.select_option("#menu-scale", "range")
-    page.locator(".worst-list").first.get_by_role("button").nth(1).click()
-    page.wait_for_timeout(900)
-    page.screenshot(path=pictures / "3-flown.png")
-    page.locator("#stage").press("0")
-    page.locator("#histogram g.bin").nth(9).dispatch_event("pointerdown")
-    settled(page)
+    five_states(page, pictures)
     kept = state(page)["filter"]
     for side, name in enumerate(("before", "star")):
         values = truth[name]["figures"]["max_angle"].astype(np.float32)
         assert state(page)["drawnCells"][side] == ((values >= kept[0]) & (values <= kept[1])).sum()
-    page.screenshot(path=pictures / "4-filtered.png", full_page=True)
-    page.emulate_media(media="print")
-    settled(page)
-    page.screenshot(path=pictures / "5-print.png", full_page=True)
-    (pictures / "5-print.pdf").write_bytes(page.pdf())
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
@@ -190,25 +156,3 @@ def test_narrow_windows_need_no_scrolling_sideways(open_page, small, pictures):
     page = open_page(path, width=800)
     assert page.evaluate("() => document.documentElement.scrollWidth") <= 800
     page.screenshot(path=pictures / "6-narrow.png", full_page=True)
-
-
-@pytest.mark.skipif("QSMOOTH_MILLION" not in os.environ, reason="takes a minute; QSMOOTH_MILLION=1")
-def test_a_million_quads_open_and_pan(open_page, tmp_path, pictures):
-    path = tmp_path / "million.html"
-    made_report.make(path, 1000)
-    page = open_page(path, timeout=240)
-    assert state(page)["drawnCells"] == [10**6] * 2
-    frames = page.evaluate("""async () => {
-        const times = [];
-        for (let k = 0; k < 10; k++) {
-            const begin = performance.now();
-            viewer.stage.pan(5, 3);
-            viewer.stage.draw();
-            const scripted = performance.now() - begin;
-            viewer.stage.painter.gl.finish();
-            times.push([scripted, performance.now() - begin]);
-        }
-        return times;
-    }""")
-    print("milliseconds of script, and of a whole frame:", np.median(frames, axis=0))
-    page.screenshot(path=pictures / "7-million.png")

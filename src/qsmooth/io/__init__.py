@@ -79,7 +79,7 @@ def read_mesh(
     path = Path(path)
     try:
         content = _read(path, format)
-        content.ending = path.suffix.lower()
+        content.file, content.ending = path.name, path.suffix.lower()
         mesh = content.to_mesh(surface, geographic)
     except MeshError as error:
         message = str(error)

@@ -89,8 +89,8 @@ class FileContent:
         that is not known.
     tilted
         Whether the mesh lies in another plane than that of x and y.
-    format, ending, data, slots, data_slots
-        Where it comes from: name of the format, ending and bytes of the file, place of its
+    format, file, ending, data, slots, data_slots
+        Where it comes from: name of the format, name, ending and bytes of the file, place of its
         coordinates and of its point data, by name, as far as that can be written back.
         `slots` is None where there is no file or where it cannot be written back.
     beside
@@ -119,6 +119,7 @@ class FileContent:
     turned: BoolArray | None = None
     tilted: bool = False
     format: str = ""
+    file: str = ""
     ending: str = ""
     data: bytes = b""
     slots: InPlace | None = None

@@ -31,7 +31,7 @@ def report(
     path
         The file, which is replaced where there is one.
     title
-        What stands above; by default what the mesh consists of.
+        What stands above; by default the name of the mesh's file, or what it consists of.
     metrics
         What cells are coloured by: names, in a sequence or with commas between, or ``"all"``; by
         default the short list. Areas are there in any case.

@@ -68,7 +68,7 @@ class Content:
         summary = states[0].quality.summary()
         self.facts: dict[str, Any] = {
             "version": 1,
-            "title": title or size_text(summary),
+            "title": title or getattr(mesh.source, "file", "") or size_text(summary),
             "size": size_text(summary),
             "program": f"qsmooth {import_module('qsmooth').__version__}",
             "n_vertices": mesh.n_vertices,

@@ -216,15 +216,18 @@ class Convergence {
     const lines = this.states.map((state) => ({ state, rows: state.history.rows[name] || [] }))
       .filter(({ rows }) => rows.some(isFinite));
     const all = lines.flatMap(({ rows }) => rows.filter(isFinite));
-    const low = Math.min(...all), high = Math.max(...all), span = high - low || 1;
-    const most = Math.max(2, ...lines.map(({ rows }) => rows.length));
+    const low = Math.min(...all), high = Math.max(...all), isLevel = low === high;
+    const most = Math.max(1, ...lines.map(({ rows }) => rows.length));
     const floor = PLOT.height - PLOT.bottom, right = PLOT.width - 130;
-    const x = (k) => PLOT.left + ((right - PLOT.left) * k) / (most - 1);
-    const y = (value) => floor - ((floor - PLOT.top - 6) * (value - low)) / span;
+    const x = (k) => PLOT.left + ((right - PLOT.left) * (k + 0.5)) / most;
+    const share = (value) => (isLevel ? 0.5 : (value - low) / (high - low));
+    const y = (value) => floor - 10 - (floor - PLOT.top - 16) * share(value);
     const svg = svgPlot(`Convergence of ${this.label(name)}`);
     const metric = this.report.metric(name);
-    axis(svg, PLOT.left, right, floor, [[x(0), "0"], [x(most - 1), `${most - 1} entries`]]);
-    for (const value of [low, high]) svg.append(svgText(PLOT.left - 6, y(value) + 4, formatted(value, metric), "end"));
+    const isOfSweeps = lines.every(({ state, rows }) => rows.length === state.sweeps);
+    axis(svg, PLOT.left, right, floor, (most > 1 ? [0, most - 1] : [0]).map((k) => [x(k), `${k + 1}`]));
+    svg.append(svgText((PLOT.left + right) / 2, floor + 30, `after so many ${isOfSweeps ? "sweeps" : "rounds of sweeps"}`));
+    for (const value of isLevel ? [low] : [low, high]) svg.append(svgText(PLOT.left - 6, y(value) + 4, formatted(value, metric), "end"));
     lines.forEach(({ state, rows }, i) => {
       const points = rows.flatMap((value, k) => (isFinite(value) ? [`${x(k)},${y(value)}`] : [])).join(" ");
       const dash = { "stroke-dasharray": DASHES[i % DASHES.length] };

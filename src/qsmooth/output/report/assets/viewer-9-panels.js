@@ -144,15 +144,19 @@ function showTable(element, report) {
     ...words, ...notes.map((note) => made("p", { class: "small" }, note)));
 }
 
+function sentence(text) {
+  return !text || /[.!?]$/.test(text) ? text : `${text}.`;
+}
+
 function showWords(element, report) {
   const topics = { limits: "What no placement can beat", promised: "Promised", traded: "Traded", sizes: "Sizes" };
   const parts = report.states.flatMap((state) => {
     const lists = Object.entries(topics).filter(([name]) => (state[name] || []).length).flatMap(([name, title]) =>
       [made("h3", {}, title), made("ul", {}, ...state[name].map((sentence) => made("li", {}, sentence)))]);
     const facts = [
-      state.n_invalid ? `${counted(state.n_invalid)} cells are not valid.` : "Every cell is valid.",
-      state.reason,
-      state.seconds ? `${state.seconds.toPrecision(2)} s, ${counted(state.sweeps || 0)} sweeps.` : null,
+      state.n_invalid ? `${counted(state.n_invalid)} ${state.n_invalid === 1 ? "cell is" : "cells are"} not valid.` : "Every cell is valid.",
+      sentence(state.reason),
+      state.seconds ? `${state.seconds.toPrecision(2)} s, ${counted(state.sweeps)} ${state.sweeps === 1 ? "sweep" : "sweeps"}.` : null,
     ].filter(Boolean);
     return [made("div", { class: "state-words" }, made("h2", {}, state.label), made("p", {}, facts.join(" ")), ...lists)];
   });

@@ -39,6 +39,7 @@ class Viewer {
     document.getElementById("notice").textContent = this.stage.isFlat
       ? "This browser has no WebGL 2 here: pictures are drawn more slowly." : "";
     await new Promise((drawn) => requestAnimationFrame(() => requestAnimationFrame(drawn)));
+    performance.mark("shown");
     this.readRest();
   }
 
