@@ -18,7 +18,9 @@ def test_figures_of_commands(call, mesh_file, tmp_path, command):
 
 
 @pytest.mark.parametrize(
-    "flags", [["--plot-metric", "shape"], ["--plot-scale", "quantiles"], ["--plot-log"]], ids=lambda flags: flags[0]
+    "flags",
+    [["--plot-metric", "shape"], ["--plot-scale", "quantiles"], ["--plot-log"]],
+    ids=lambda flags: flags[0],
 )
 def test_looks_of_figures_that_are_not_drawn(fails, mesh_file, flags):
     message = fails("quality", mesh_file, *flags)

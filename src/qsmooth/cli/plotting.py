@@ -60,7 +60,7 @@ LogOption = Annotated[
 ]
 
 
-def checked(plot: Path | None, metric: str, scale: Scale) -> str:
+def checked(plot: Path | None, metric: str, scale: Scale, log: bool = False) -> str:
     """Refuse a folder or a metric that is none before the work; gives the metric's name."""
     from qsmooth.metrics import find_metric
 
@@ -69,6 +69,7 @@ def checked(plot: Path | None, metric: str, scale: Scale) -> str:
         for option, given in (
             ("--plot-metric", name != "max_angle"),
             ("--plot-scale", scale is not Scale.linear),
+            ("--plot-log", log),
         ):
             if given:
                 raise ValueError(f"{option} is of figures, and none is drawn: add --plot FOLDER")

@@ -107,7 +107,7 @@ def quality(
     shown = parse_metrics(metrics, "--metrics")
     gates = [(*parse_gate(text, "--fail-below"), True) for text in fail_below or ()]
     gates += [(*parse_gate(text, "--fail-above"), False) for text in fail_above or ()]
-    plot_metric = plotting.checked(plot, plot_metric, plot_scale)
+    plot_metric = plotting.checked(plot, plot_metric, plot_scale, plot_log)
     files.refuse_clash(json_file, mesh_file)
     files.refuse_clash(junit, mesh_file, *filter(None, [json_file]), option="--junit")
     started = time.perf_counter()

@@ -55,7 +55,7 @@ def smooth(
     others = filter(None, [json_file])
     files.refuse_clash(report_file, mesh_file, output, *others, option="--report")
     within = files.merge_within(merge, merge_tolerance)
-    plot_metric = plotting.checked(plot, plot_metric, plot_scale)
+    plot_metric = plotting.checked(plot, plot_metric, plot_scale, plot_log)
     options = options or {}
     chosen, why = running.method_with(method, options)
     mesh = files.read(mesh_file, surface, format, geographic, within)
