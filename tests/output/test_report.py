@@ -236,3 +236,10 @@ def test_a_mesh_alone(tmp_path):
     assert [state["name"] for state in facts["states"]] == ["mesh"]
     assert facts["usual"] == 0
     assert facts["states"][0]["n_invalid"] == quality(mesh).n_invalid
+
+
+def test_a_mesh_of_a_file_is_titled_by_it(tmp_path):
+    qsmooth.write_mesh(tmp_path / "pond & <sea>.off", rough())
+    mesh = qsmooth.read_mesh(tmp_path / "pond & <sea>.off")
+    facts, _ = read_report(qsmooth.report(smooth(mesh, "star", max_sweeps=1), tmp_path / "r.html"))
+    assert facts["title"] == "pond & <sea>.off"
