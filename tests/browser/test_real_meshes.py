@@ -11,6 +11,21 @@ from browser.looking import five_states, landed, pane_centre, settled, state
 from qsmooth.examples import jittered
 
 
+# Milliseconds from frame to frame while a hand pans.
+PANNING = """async () => {
+    const frame = () => new Promise((seen) => requestAnimationFrame(seen));
+    const times = [];
+    let last = await frame();
+    for (let k = 0; k < 60; k++) {
+        viewer.stage.pan(5, 3);
+        const now = await frame();
+        times.push(now - last);
+        last = now;
+    }
+    return times;
+}"""
+
+
 @pytest.fixture(scope="module")
 def lake(tmp_path_factory, shared_meshes):
     mesh = qsmooth.read_mesh(shared_meshes / "superior_24k.off")
@@ -106,6 +121,7 @@ def test_a_million_quads_open_and_pan(open_page, tmp_path, pictures):
                 for (let k = 0; k < 10; k++) {
                     const begin = performance.now();
                     viewer.stage.pan(5, 3);
+                    viewer.stage.ask();
                     viewer.stage.draw();
                     const scripted = performance.now() - begin;
                     gl.readPixels(9, 9, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel); // waits
@@ -117,4 +133,40 @@ def test_a_million_quads_open_and_pan(open_page, tmp_path, pictures):
         )
         script, whole = np.median(frames, axis=0)
         print(f"zoom {zoom}: {script:.1f} ms of script, {whole:.0f} ms a frame in software GL")
+    paces = []
+    for zoom in (1, 8):
+        page.evaluate(
+            "(z) => { viewer.stage.home(); viewer.stage.camera.zoom = z; viewer.stage.ask(); }",
+            zoom,
+        )
+        page.wait_for_function("() => viewer.stage.hasStill || viewer.stage.isSlow === false")
+        paces.append(page.evaluate(PANNING))
+        print(
+            f"zoom {zoom}: panned with {np.median(paces[-1]):.0f} ms a frame, {max(paces[-1]):.0f} at most"
+        )
+        page.wait_for_function("() => !viewer.stage.showsStill")
     page.screenshot(path=pictures / "million.png")
+
+
+def test_a_slow_picture_is_moved_until_it_rests(open_page, lake):
+    path, _ = lake
+    page = open_page(path)
+    page.evaluate(
+        """() => {
+            const { painter } = viewer.stage;
+            const done = painter.whenDone.bind(painter);
+            painter.whenDone = (told) => done(() => setTimeout(told, 200)); // as if it took long
+            viewer.stage.ask();
+        }"""
+    )
+    page.wait_for_function("() => viewer.stage.hasStill")
+    pictures = page.evaluate("viewer.stage.pictures")
+    page.evaluate("() => { viewer.stage.pan(40, 0); viewer.stage.pan(40, 0); }")
+    page.wait_for_function("() => viewer.stage.showsStill")
+    assert page.evaluate("viewer.stage.pictures") == pictures
+    moved = page.screenshot(clip=page.locator("#stage").bounding_box())
+    page.wait_for_function(
+        "(n) => viewer.stage.pictures > n && !viewer.stage.showsStill", arg=pictures
+    )
+    assert page.evaluate("viewer.stage.pictures") == pictures + 1
+    assert moved != page.screenshot(clip=page.locator("#stage").bounding_box())

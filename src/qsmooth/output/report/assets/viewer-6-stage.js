@@ -132,28 +132,11 @@ class Stage {
   }
 
   moved() {
-    this.ask();
+    this.ask(DRAW.moved);
     this.element.dispatchEvent(new Event("moved"));
   }
 
   // ------------------------------------------------------------------------------- drawing
-
-  ask() {
-    if (this.isAsked) return;
-    this.isAsked = true;
-    requestAnimationFrame(() => this.draw());
-  }
-
-  draw() {
-    this.isAsked = false;
-    if (!this.panes) return;
-    const look = { ...this.view.look, theme: themeNow() };
-    this.painter.begin(look.theme);
-    for (const pane of this.panes) {
-      if (pane.clip.width > 0) this.painter.draw(pane, this.camera, look);
-    }
-    this.drawMarks(look.theme);
-  }
 
   drawMarks(theme) {
     const context = this.marks.getContext("2d");
@@ -163,6 +146,7 @@ class Stage {
       context.beginPath();
       context.rect(pane.clip.x, pane.clip.y, pane.clip.width, pane.clip.height);
       context.clip();
+      if (this.showsStill) this.drawStill(context, pane, theme);
       this.drawWorst(context, pane, theme);
       if (this.hovered !== null) this.outline(context, pane, this.hovered, theme, 2);
       if (this.view.selected !== null) this.outline(context, pane, this.view.selected, theme, 3);
@@ -265,6 +249,7 @@ class Stage {
         this.camera.u = goal.u + (u - goal.u) * left;
         this.camera.v = goal.v + (v - goal.v) * left;
         this.moved();
+        if (t === 1) this.ask();
         return t < 1 ? requestAnimationFrame(step) : requestAnimationFrame(() => landed());
       };
       requestAnimationFrame(step);

@@ -95,14 +95,14 @@ Object.assign(Stage.prototype, {
     const cell = place && this.panes ? this.cellUnder(place) : null;
     if (cell !== this.hovered) {
       this.hovered = cell;
-      this.ask();
+      this.ask(DRAW.marks);
     }
     this.view.onHover(cell, event);
   },
 
   select(cell) {
     this.view.onSelect(cell);
-    this.ask();
+    this.ask(DRAW.marks);
   },
 
   onKey(event) {

@@ -130,7 +130,7 @@ class Viewer {
   select(cell) {
     this.selected = this.view.selected = cell;
     showChosen(document.getElementById("chosen"), this.report, this.states(), cell);
-    this.stage.ask();
+    this.stage.ask(DRAW.marks);
     this.remember();
   }
 
