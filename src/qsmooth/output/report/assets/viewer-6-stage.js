@@ -127,6 +127,7 @@ class Stage {
   }
 
   home() {
+    this.stay();
     Object.assign(this.camera, { u: this.camera.whole.u, v: this.camera.whole.v, zoom: 1 });
     this.moved();
   }
@@ -234,13 +235,21 @@ class Stage {
     return this.flight(goal, isStill ? 0 : FLIGHT);
   }
 
+  // Ends a flight: something else moves the camera.
+  stay() {
+    this.flightNumber = (this.flightNumber || 0) + 1;
+    this.isFlying = false;
+  }
+
   flight(goal, duration) {
     const { u, v, zoom } = this.camera;
     const start = performance.now();
-    const number = (this.flightNumber = (this.flightNumber || 0) + 1);
+    this.stay();
+    const number = this.flightNumber;
+    this.isFlying = true;
     return new Promise((landed) => {
       const step = (now) => {
-        if (number !== this.flightNumber) return landed(); // something else moves the camera
+        if (number !== this.flightNumber) return landed();
         const t = duration ? Math.min(Math.max((now - start) / duration, 0), 1) : 1;
         const eased = t * t * (3 - 2 * t);
         this.camera.zoom = zoom * (goal.zoom / zoom) ** eased;
@@ -250,6 +259,7 @@ class Stage {
         this.camera.v = goal.v + (v - goal.v) * left;
         this.moved();
         if (t === 1) this.ask();
+        this.isFlying = t < 1;
         return t < 1 ? requestAnimationFrame(step) : requestAnimationFrame(() => landed());
       };
       requestAnimationFrame(step);

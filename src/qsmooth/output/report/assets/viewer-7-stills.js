@@ -1,13 +1,14 @@
 // Where a picture takes long to draw, what moves is the last one; the new one comes once it rests.
 
 const SLOW = 120; // milliseconds of a picture from which on it is moved instead
-const REST = 160; // milliseconds without a move
 const POLL = 8;
 
 // What has to be drawn: marks alone, the same at another place, all.
 const DRAW = { nothing: 0, marks: 1, moved: 2, all: 3 };
 
 Object.assign(Stage.prototype, {
+  rest: 160, // milliseconds without a move until it is drawn anew
+
   ask(what = DRAW.all) {
     if (!this.asked) requestAnimationFrame(() => this.draw());
     this.asked = Math.max(this.asked || DRAW.nothing, what);
@@ -18,8 +19,14 @@ Object.assign(Stage.prototype, {
     this.asked = DRAW.nothing;
     if (!this.panes) return;
     const look = { ...this.view.look, theme: themeNow() };
-    if (asked === DRAW.moved && this.isSlow && this.hasStill) this.showStill();
-    else if (asked !== DRAW.marks) this.drawCells(look);
+    if (asked === DRAW.moved && this.isSlow && this.hasStill) {
+      this.showStill();
+    } else if (asked === DRAW.moved && this.isPainting) {
+      this.isLate = true; // pictures must not queue up
+      return;
+    } else if (asked !== DRAW.marks) {
+      this.drawCells(look);
+    }
     this.drawMarks(look.theme);
   },
 
@@ -30,12 +37,16 @@ Object.assign(Stage.prototype, {
     for (const pane of this.panes) {
       if (pane.clip.width > 0) this.painter.draw(pane, this.camera, look);
     }
-    this.showsStill = this.hasStill = false;
+    this.showsStill = this.hasStill = this.isLate = false;
+    this.isPainting = true;
     const number = (this.pictures = (this.pictures || 0) + 1);
     const { u, v, scale } = this.camera;
     this.painter.whenDone(() => {
+      if (number !== this.pictures) return; // a later one is on its way
+      this.isPainting = false;
       this.isSlow = performance.now() - begin > SLOW;
-      if (this.isSlow && number === this.pictures) this.keepStill({ u, v, scale });
+      if (this.isSlow) this.keepStill({ u, v, scale });
+      if (this.isLate) this.ask(DRAW.moved);
     });
   },
 
@@ -51,7 +62,7 @@ Object.assign(Stage.prototype, {
   showStill() {
     this.showsStill = true;
     clearTimeout(this.resting);
-    this.resting = setTimeout(() => this.ask(), REST);
+    this.resting = setTimeout(() => this.ask(), this.rest);
   },
 
   // Within a pane's clip, under its marks.
