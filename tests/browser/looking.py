@@ -10,16 +10,8 @@ def settled(page):
 
 
 def landed(page):
-    """Wait until a flight is over: the camera stays."""
-    page.wait_for_function(
-        """() => {
-            const {centre, zoom} = qsmoothReport.state(), seen = `${centre},${zoom}`;
-            const isStill = seen === window.seenBefore;
-            window.seenBefore = seen;
-            return isStill;
-        }""",
-        polling=150,
-    )
+    """Wait until a flight is over."""
+    page.wait_for_function("() => !qsmoothReport.state().isFlying")
 
 
 def pane_centre(page, side):

@@ -10,6 +10,20 @@ import qsmooth
 from browser.looking import five_states, landed, pane_centre, settled, state
 from qsmooth.examples import jittered
 
+# Milliseconds from frame to frame while a hand pans.
+PANNING = """async () => {
+    const frame = () => new Promise((seen) => requestAnimationFrame(seen));
+    const times = [];
+    let last = await frame();
+    for (let k = 0; k < 60; k++) {
+        viewer.stage.pan(5, 3);
+        const now = await frame();
+        times.push(now - last);
+        last = now;
+    }
+    return times;
+}"""
+
 
 @pytest.fixture(scope="module")
 def lake(tmp_path_factory, shared_meshes):
@@ -106,6 +120,7 @@ def test_a_million_quads_open_and_pan(open_page, tmp_path, pictures):
                 for (let k = 0; k < 10; k++) {
                     const begin = performance.now();
                     viewer.stage.pan(5, 3);
+                    viewer.stage.ask();
                     viewer.stage.draw();
                     const scripted = performance.now() - begin;
                     gl.readPixels(9, 9, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel); // waits
@@ -117,4 +132,46 @@ def test_a_million_quads_open_and_pan(open_page, tmp_path, pictures):
         )
         script, whole = np.median(frames, axis=0)
         print(f"zoom {zoom}: {script:.1f} ms of script, {whole:.0f} ms a frame in software GL")
+    for zoom in (1, 8):
+        drawn = page.evaluate(
+            """(zoom) => {
+                viewer.stage.home();
+                viewer.stage.camera.zoom = zoom;
+                viewer.stage.ask();
+                return viewer.stage.pictures;
+            }""",
+            zoom,
+        )
+        painted = "(n) => viewer.stage.pictures > n && !viewer.stage.isPainting"
+        page.wait_for_function(painted, arg=drawn)
+        paces = page.evaluate(PANNING)
+        print(f"zoom {zoom}: panned in {np.median(paces):.0f} ms a frame, at most {max(paces):.0f}")
+        page.wait_for_function("() => !viewer.stage.showsStill && !viewer.stage.isPainting")
     page.screenshot(path=pictures / "million.png")
+
+
+def test_a_slow_picture_is_moved_until_it_rests(open_page, lake):
+    path, _ = lake
+    page = open_page(path)
+    page.evaluate(
+        """() => {
+            const { painter } = viewer.stage;
+            const done = painter.whenDone.bind(painter);
+            painter.whenDone = (told) => done(() => setTimeout(told, 200)); // as if it took long
+            viewer.stage.rest = 1e6; // it rests when the test says so
+            viewer.stage.ask();
+        }"""
+    )
+    page.wait_for_function("() => viewer.stage.hasStill")
+    pictures = page.evaluate("viewer.stage.pictures")
+    page.evaluate("() => { viewer.stage.pan(40, 0); viewer.stage.pan(40, 0); }")
+    page.wait_for_function("() => viewer.stage.showsStill")
+    settled(page)
+    assert page.evaluate("viewer.stage.pictures") == pictures
+    moved = page.screenshot(clip=page.locator("#stage").bounding_box())
+    page.evaluate("() => { viewer.stage.rest = 0; viewer.stage.pan(1, 0); }")
+    page.wait_for_function(
+        "(n) => viewer.stage.pictures > n && !viewer.stage.showsStill", arg=pictures
+    )
+    assert page.evaluate("viewer.stage.pictures") == pictures + 1
+    assert moved != page.screenshot(clip=page.locator("#stage").bounding_box())

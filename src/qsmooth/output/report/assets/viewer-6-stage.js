@@ -127,33 +127,17 @@ class Stage {
   }
 
   home() {
+    this.stay();
     Object.assign(this.camera, { u: this.camera.whole.u, v: this.camera.whole.v, zoom: 1 });
     this.moved();
   }
 
   moved() {
-    this.ask();
+    this.ask(DRAW.moved);
     this.element.dispatchEvent(new Event("moved"));
   }
 
   // ------------------------------------------------------------------------------- drawing
-
-  ask() {
-    if (this.isAsked) return;
-    this.isAsked = true;
-    requestAnimationFrame(() => this.draw());
-  }
-
-  draw() {
-    this.isAsked = false;
-    if (!this.panes) return;
-    const look = { ...this.view.look, theme: themeNow() };
-    this.painter.begin(look.theme);
-    for (const pane of this.panes) {
-      if (pane.clip.width > 0) this.painter.draw(pane, this.camera, look);
-    }
-    this.drawMarks(look.theme);
-  }
 
   drawMarks(theme) {
     const context = this.marks.getContext("2d");
@@ -163,6 +147,7 @@ class Stage {
       context.beginPath();
       context.rect(pane.clip.x, pane.clip.y, pane.clip.width, pane.clip.height);
       context.clip();
+      if (this.showsStill) this.drawStill(context, pane, theme);
       this.drawWorst(context, pane, theme);
       if (this.hovered !== null) this.outline(context, pane, this.hovered, theme, 2);
       if (this.view.selected !== null) this.outline(context, pane, this.view.selected, theme, 3);
@@ -250,13 +235,21 @@ class Stage {
     return this.flight(goal, isStill ? 0 : FLIGHT);
   }
 
+  // Ends a flight: something else moves the camera.
+  stay() {
+    this.flightNumber = (this.flightNumber || 0) + 1;
+    this.isFlying = false;
+  }
+
   flight(goal, duration) {
     const { u, v, zoom } = this.camera;
     const start = performance.now();
-    const number = (this.flightNumber = (this.flightNumber || 0) + 1);
+    this.stay();
+    const number = this.flightNumber;
+    this.isFlying = true;
     return new Promise((landed) => {
       const step = (now) => {
-        if (number !== this.flightNumber) return landed(); // something else moves the camera
+        if (number !== this.flightNumber) return landed();
         const t = duration ? Math.min(Math.max((now - start) / duration, 0), 1) : 1;
         const eased = t * t * (3 - 2 * t);
         this.camera.zoom = zoom * (goal.zoom / zoom) ** eased;
@@ -265,6 +258,8 @@ class Stage {
         this.camera.u = goal.u + (u - goal.u) * left;
         this.camera.v = goal.v + (v - goal.v) * left;
         this.moved();
+        if (t === 1) this.ask();
+        this.isFlying = t < 1;
         return t < 1 ? requestAnimationFrame(step) : requestAnimationFrame(() => landed());
       };
       requestAnimationFrame(step);

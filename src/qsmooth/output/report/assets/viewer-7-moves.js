@@ -31,7 +31,7 @@ Object.assign(Stage.prototype, {
   zoomAt(place, factor) {
     const { rect } = this.paneAt(place);
     const [u, v] = this.camera.toPlane(rect, ...place);
-    this.flightNumber = (this.flightNumber || 0) + 1;
+    this.stay();
     const before = this.camera.scale;
     this.camera.zoom *= factor;
     const ratio = before / this.camera.scale;
@@ -41,7 +41,7 @@ Object.assign(Stage.prototype, {
   },
 
   pan(x, y) {
-    this.flightNumber = (this.flightNumber || 0) + 1;
+    this.stay();
     this.camera.u -= x / this.camera.scale;
     this.camera.v += y / this.camera.scale;
     this.moved();
@@ -95,14 +95,14 @@ Object.assign(Stage.prototype, {
     const cell = place && this.panes ? this.cellUnder(place) : null;
     if (cell !== this.hovered) {
       this.hovered = cell;
-      this.ask();
+      this.ask(DRAW.marks);
     }
     this.view.onHover(cell, event);
   },
 
   select(cell) {
     this.view.onSelect(cell);
-    this.ask();
+    this.ask(DRAW.marks);
   },
 
   onKey(event) {

@@ -130,7 +130,7 @@ class Viewer {
   select(cell) {
     this.selected = this.view.selected = cell;
     showChosen(document.getElementById("chosen"), this.report, this.states(), cell);
-    this.stage.ask();
+    this.stage.ask(DRAW.marks);
     this.remember();
   }
 
@@ -164,6 +164,7 @@ class Viewer {
       selected: selected === null ? null : report.idOf(selected), filter: kept,
       drawnCells: this.values.map((values) => values.reduce((n, value) => n + isKept(value), 0)),
       isComplete: Boolean(this.isComplete), isFlat: Boolean(stage.isFlat),
+      isFlying: Boolean(stage.isFlying),
     };
   }
 
