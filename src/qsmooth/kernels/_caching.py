@@ -13,6 +13,7 @@ from types import FunctionType
 from typing import Any
 
 from numba.core import caching
+from numba.core.runtime import nrt
 
 from qsmooth.kernels import compiling
 
@@ -26,6 +27,7 @@ _Implementation: Any = caching.CompileResultCacheImpl
 _FunctionCache: Any = caching.FunctionCache
 _Null: Any = caching.NullCache
 _Cache: Any = caching._Cache
+_memory: Any = nrt.rtsys  # of arrays that kernels make
 
 
 class _InAHome(_UserWide):  # type: ignore[misc]
@@ -45,6 +47,16 @@ class _Folders(_Implementation):  # type: ignore[misc]
 
 class _Kept(_FunctionCache):  # type: ignore[misc]
     _impl_class = _Folders
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Get a compiled form.
+
+        What compiling needs, half a second of imports, is left to the first kernel that is
+        compiled: Numba asks for it then, too.
+        """
+        _memory.initialize(target_context)
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)
 
 
 class _Told:
