@@ -16,6 +16,8 @@ LONGEST_BAR = 12
 NOTE_WIDTH = 100
 # Characters between two columns.
 BETWEEN = 2
+# Where room is short texts have so many at least.
+LEAST_TEXT = 20
 # Eighths of a character cell, from one to seven, then a full one.
 EIGHTHS = "▏▎▍▌▋▊▉█"
 # For terminals whose encoding lacks these.
@@ -73,13 +75,17 @@ class Table:
         )
         return replace(self, columns=tuple(self.columns[k] for k in columns), sections=sections)
 
-    def narrowed(self, width: int, kept: int = 0) -> list[Table]:
-        """Spread the columns over tables that fit a line of so many characters.
+    def narrowed(self, width: int | None, kept: int = 0) -> list[Table]:
+        """Spread the columns over tables that fit a line of so many characters, None for any.
 
-        The first `kept` columns stand in each.
+        The first `kept` columns stand in each. Columns stand closer before there are two tables.
         """
-        label, *widths = (w + BETWEEN for w in self._widths(broken=True))
-        label -= BETWEEN
+        if width is None:
+            return [self]
+        least = self._widths(broken=True)
+        between = BETWEEN if sum(least) + BETWEEN * (len(least) - 1) <= width else 1
+        label, *widths = (w + between for w in least)
+        label -= between
         groups: list[list[int]] = [[]]
         for k in range(kept, len(widths)):
             shown = [*range(kept), *groups[-1], k]
@@ -108,29 +114,47 @@ class Table:
         return self.text()
 
     def text(self, width: int | None = None) -> str:
-        """Write it as plain text; names of columns are broken where `width` asks for that."""
-        widths = self._widths()
+        """Write it as plain text.
+
+        Where `width` asks for that names of columns are broken, and columns stand closer.
+        """
+        widths, between = self._widths(), BETWEEN
         broken = width is not None and sum(widths) + BETWEEN * (len(widths) - 1) > width
-        if broken:
+        if width is not None and broken:
             widths = self._widths(broken=True)
+            is_close = sum(widths) + BETWEEN * (len(widths) - 1) > width and not self.left
+            between = 1 if is_close else BETWEEN
         heads: list[list[str]] = [[self.corner]]
         for name, w in zip(self.columns, widths[1:], strict=True):
             heads.append((textwrap.wrap(name, w) if broken else [name]) or [""])
         height = max(map(len, heads))
         heads = [[""] * (height - len(head)) + head for head in heads]
 
+        if self.left and width is not None:  # the last column of texts is broken between words
+            room = width - sum(widths[:-1]) - between * (len(widths) - 1)
+            widths[-1] = min(widths[-1], max(room, LEAST_TEXT))
+
         def line(cells: Sequence[str]) -> str:
             padded = [cells[0].ljust(widths[0])]
             pad = str.ljust if self.left else str.rjust
             padded += [pad(c, w) for c, w in zip(cells[1:], widths[1:], strict=True)]
-            return "  ".join(padded).rstrip()
+            return (between * " ").join(padded).rstrip()
 
-        rule = sum(widths) + BETWEEN * (len(widths) - 1)
+        def lines(cells: Sequence[str]) -> list[str]:
+            *others, last = cells
+            if not self.left or len(last) <= widths[-1]:
+                return [line(cells)]
+            first, *rest = textwrap.wrap(last, widths[-1], break_on_hyphens=False)
+            below = [""] * len(others)
+            return [line([*others, first]), *(line([*below, text]) for text in rest)]
+
+        rule = sum(widths) + between * (len(widths) - 1)
         out = [self.title, ""] if self.title else []
         out += [line(cells) for cells in zip(*heads, strict=True)] if any(self.columns) else []
         for section in self.sections:
             out += ["", section.title, "-" * rule] if section.title else ["-" * rule]
-            out += [line((row.label, *self._marked(section, row))) for row in section.rows]
+            for row in section.rows:
+                out += lines((row.label, *self._marked(section, row)))
         if self.note:
             out += ["", *textwrap.wrap(self.note, min(width or NOTE_WIDTH, NOTE_WIDTH))]
         return "\n".join(out).lstrip("\n")

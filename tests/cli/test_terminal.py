@@ -57,3 +57,22 @@ def test_terminals_get_colour_and_progress(mesh_file, tmp_path, monkeypatch, arg
 )
 def test_what_is_left_of_a_run(seconds, sweeps, to_come, text):
     assert left_text(seconds, sweeps, to_come) == text
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["smooth", "--sweeps", "20", "-o", "out.vtu"],
+        ["quality"],
+        ["untangle", "-o", "out.vtu"],
+        ["info"],
+    ],
+)
+def test_tables_of_a_real_mesh_fit_80_columns(call, tmp_path, monkeypatch, shared_meshes, command):
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.chdir(tmp_path)
+    name = "superior_24k.off"
+    (tmp_path / name).symlink_to(shared_meshes / name)
+    code, out, _ = call(command[0], name, *command[1:])
+    assert code == 0
+    assert max(map(len, out.splitlines())) <= 80

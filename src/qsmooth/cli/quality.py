@@ -142,7 +142,9 @@ def quality(
             terminal.write_table(tables.summary_table(summary))
             running.show_limits(bounds)
             if worst:
-                terminal.write_table(tables.worst_table(measured, worst, by, shown))
+                listed = tables.worst_table(measured, worst, by, shown)
+                for part in listed.narrowed(terminal.width()):
+                    terminal.write_table(part)
             for check in checks:
                 terminal.write_line(("passed: " if check.passed else "FAILED: ") + check.text)
         elif json_file == Path("-"):

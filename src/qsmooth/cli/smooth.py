@@ -84,7 +84,9 @@ def smooth(
         shown = not outputs.put_json(json_file, facts)
         if shown:
             terminal.write_heading(f"{mesh_file}: {tables.size_text(result.before)}")
-            terminal.write_table(tables.change_table(result.before, result.after))
+            terminal.write_table(
+                tables.change_table(result.before, result.after, width=terminal.width())
+            )
             running.show_outcome(result)
             running.show_limits(limits)
         plotting.draw(outputs, plot, save)

@@ -70,7 +70,9 @@ def write_table(table: Table) -> None:
 def write_heading(text: str) -> None:
     """Print a heading."""
     if not _write_rich(text, "bold"):
-        write(f"{text}\n")
+        room = width()
+        lines = [text] if room is None else textwrap.wrap(text, room, break_long_words=False)
+        write("\n".join([*lines, ""]))
 
 
 def write_line(text: str) -> None:

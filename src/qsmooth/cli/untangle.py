@@ -58,7 +58,9 @@ def untangle(
         written = output in outputs.written
         if not outputs.put_json(json_file, facts):
             terminal.write_heading(f"{mesh_file}: {tables.size_text(result.before)}")
-            terminal.write_table(tables.change_table(result.before, result.after))
+            terminal.write_table(
+                tables.change_table(result.before, result.after, width=terminal.width())
+            )
             running.show_outcome(result)
             if n_invalid:
                 terminal.write_line(failed)

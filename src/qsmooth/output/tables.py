@@ -26,6 +26,9 @@ from qsmooth.table import BEST, LONGEST_BAR, Row, Section, Table, best_columns, 
 if TYPE_CHECKING:
     from qsmooth.result import SmoothResult
 
+# Where room is short bars have so many characters at least.
+LEAST_BAR = 4
+
 __all__ = [
     "change_table",
     "comparison_tables",
@@ -39,8 +42,11 @@ __all__ = [
 ]
 
 
-def change_table(before: Summary, after: Summary, *, bar_length: int = LONGEST_BAR) -> Table:
-    """Before and after, side by side, and in words what became of it."""
+def change_table(before: Summary, after: Summary, *, width: int | None = None) -> Table:
+    """Before and after, side by side, and in words what became of it.
+
+    Bars are shorter where a line of `width` characters asks for that.
+    """
 
     def changed(row: SummaryRow) -> str:
         old, new = row.value(before), row.value(after)
@@ -63,11 +69,17 @@ def change_table(before: Summary, after: Summary, *, bar_length: int = LONGEST_B
         )
         for title, figures in summary_rows([before, after])
     ]
-    sections += [
-        Section(s.title, tuple(Row(r.label, (*r.cells, "")) for r in s.rows))
-        for s in histogram_sections([before, after], bar_length)
-    ]
-    return Table(("Before", "After", "Change"), tuple(sections), definitions(before))
+
+    def with_bars(length: int) -> Table:
+        bars = tuple(
+            Section(s.title, tuple(Row(r.label, (*r.cells, "")) for r in s.rows))
+            for s in histogram_sections([before, after], length)
+        )
+        return Table(("Before", "After", "Change"), (*sections, *bars), definitions(before))
+
+    table = with_bars(LONGEST_BAR)
+    beyond = 0 if width is None else max(_room(table) - width, 0)
+    return with_bars(max(LEAST_BAR, LONGEST_BAR - math.ceil(beyond / 2))) if beyond else table
 
 
 def comparison_tables(
