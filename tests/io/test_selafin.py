@@ -68,9 +68,13 @@ def test_a_number_of_single_precision_changes_four_bytes(put, tmp_path, name):
 
 @pytest.mark.parametrize("order", ["<", ">"])
 @pytest.mark.parametrize("n_steps", [0, 1, 3])
-def test_a_number_of_double_precision_makes_the_whole_file_double(put, tmp_path, order, n_steps):
+def test_what_rounding_would_spoil_makes_the_whole_file_double(put, tmp_path, order, n_steps):
     single, double = (selafin(order, size, n_steps, dated=True) for size in (4, 8))
-    mesh = moved(read_mesh(put("a.slf", single)), 1e-9)
+    mesh = read_mesh(put("a.slf", single))
+    points = mesh.points.copy()
+    points[4, :2] = 1.3, 0.3 + 1e-12  # hardly to the left of the edge from vertex 1 to 5
+    mesh = mesh.with_points(points)
+    assert quality(mesh).n_invalid == 0
     path = tmp_path / "b.slf"
     with pytest.warns(MeshWarning, match=DOUBLE):
         write_mesh(path, mesh)
@@ -113,10 +117,9 @@ def test_variables_belong_to_places(put, tmp_path, n_steps, carry):
     mesh = read_mesh(put("a.slf", rough(n_steps)))
     result = smooth(mesh, "laplacian", max_sweeps=2, carry=carry)
     path = tmp_path / "b.slf"
-    with pytest.warns(MeshWarning, match=DOUBLE):
-        write_mesh(path, result.mesh)
+    write_mesh(path, result.mesh)
     back = read_mesh(path)
-    assert np.array_equal(back.points, result.points)
+    assert np.array_equal(back.points, result.points.astype(np.float32))
     went = (back.xy != mesh.xy).any(axis=1)
     assert went.any()
     bed = back.xy @ [2.0, -1.0]  # linear, so interpolated without error
@@ -138,6 +141,16 @@ def test_variables_belong_to_places(put, tmp_path, n_steps, carry):
     data = mesh.source.point_data
     for name, values in back.source.point_data.items():
         assert np.array_equal(values[~went], data[name][~went])
+
+
+def test_what_bears_rounding_is_rounded(put, tmp_path):
+    data = ALONE["big.slf"]
+    mesh = moved(read_mesh(put("a.slf", data)), -0.05)
+    write_mesh(tmp_path / "b.slf", mesh)
+    assert (tmp_path / "b.slf").stat().st_size == len(data)
+    rounded = mesh.points.astype(np.float32)
+    assert (rounded != mesh.points).any()
+    assert np.array_equal(read_mesh(tmp_path / "b.slf").points, rounded)
 
 
 def test_rounded_by_hand_it_stays_single(put, tmp_path):
@@ -290,7 +303,8 @@ def test_real_files(shared_meshes, tmp_path, name):
         warnings.simplefilter("ignore", MeshWarning)
         write_mesh(tmp_path / name, mesh.with_points(points))
     back = read_mesh(tmp_path / name)
-    assert np.array_equal(back.points, points)
+    assert np.array_equal(back.points, points.astype(layout.order + f"f{layout.size}"))
+    assert ((tmp_path / name).read_bytes() == data) == (layout.size == 4)
     assert np.array_equal(back.cells[0], mesh.cells[0])
     for key, values in mesh.source.point_data.items():
         assert np.array_equal(back.source.point_data[key], values)

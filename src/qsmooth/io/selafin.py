@@ -12,9 +12,9 @@ from qsmooth._types import BoolArray, FloatArray
 from qsmooth.errors import MeshError, MeshWarning
 from qsmooth.io.chains import boundary_numbers
 from qsmooth.io.file_content import FileContent
+from qsmooth.io.rounding import bears_single
 from qsmooth.io.selafin_layout import (
     BOTTOM,
-    KINDS,
     LABEL,
     MARK,
     TITLE,
@@ -43,8 +43,6 @@ def read(data: bytes) -> FileContent:
     points = layout.coordinates(data).T.astype(np.float64)
     if layout.bottom >= 0:
         points = np.column_stack((points, layout.variable(data, layout.bottom)[0]))
-    n_corners = next(n for n, kind in KINDS.items() if kind == layout.kind)
-    nodes = np.frombuffer(data, layout.order + "i4", layout.n_cells * n_corners, layout.cells_at)
     point_data, data_slots = {}, {}
     for number, name in enumerate(layout.names if layout.n_steps else ()):
         if number != layout.bottom:
@@ -54,7 +52,7 @@ def read(data: bytes) -> FileContent:
     times = layout.times(data)[:, 0].astype(np.float64)
     return FileContent(
         np.ascontiguousarray(points, np.float64),
-        [(layout.kind, nodes.reshape(-1, n_corners).astype(np.int64) - 1)],
+        [(layout.kind, layout.cells(data))],
         point_data=point_data,
         field_data={TIME: times} if times.size > 1 or times.any() else {},
         fields=tuple(point_data),
@@ -69,8 +67,8 @@ def read(data: bytes) -> FileContent:
 class PointSlots:
     """Writes coordinates, and the bed, back into a file.
 
-    Where they are no numbers of single precision, and the file is, all of it becomes double:
-    rounding could make a valid cell invalid.
+    A file of single precision gets them rounded. Where that would make a valid cell invalid, or the
+    worst corner worse than the file's was, all of the file becomes double.
     """
 
     def write(self, data: bytes, old: FloatArray, new: FloatArray) -> bytes:
@@ -80,7 +78,10 @@ class PointSlots:
         if not moved.any():
             return data
         layout = layout_of(data)
-        if layout.size == 4 and not _is_single(new[:, :2]):
+        xy = new[:, :2]
+        if layout.size == 4 and not (
+            _is_single(xy) or bears_single(old[:, :2], xy, [layout.cells(data)])
+        ):
             _say_double()
             data, layout = _widened(data, layout)
         buffer = bytearray(data)

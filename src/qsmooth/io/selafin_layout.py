@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from qsmooth._types import IndexArray
 from qsmooth.errors import MeshError
 
 TITLE, VARIABLE, LABEL = 80, 32, 16
@@ -59,6 +60,12 @@ class Layout:
     x_at: int
     n_steps: int
     extras: tuple[str, ...] = ()
+
+    def cells(self, data: bytes | bytearray) -> IndexArray:
+        """Vertices of each cell, from 0; shape (n_cells, corners)."""
+        n_corners = next(n for n, kind in KINDS.items() if kind == self.kind)
+        nodes = np.frombuffer(data, self.order + "i4", self.n_cells * n_corners, self.cells_at)
+        return nodes.reshape(-1, n_corners).astype(np.int64) - 1
 
     @property
     def record(self) -> int:
