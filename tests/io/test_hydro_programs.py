@@ -52,15 +52,23 @@ def test_mike(tmp_path):
     assert np.array_equal(other.geometry.codes == 1, mesh.topology.is_boundary)
 
 
-@pytest.mark.parametrize("size", [4, 8])
-def test_telemac(tmp_path, put, size):
+@pytest.mark.parametrize(
+    ("size", "place", "stored"),
+    [
+        (4, [1.05, 0.95], np.float32),
+        (4, [1.3, 0.3 + 1e-12], np.float64),  # rounded it would fold a cell
+        (8, [1.05, 0.95], np.float64),
+    ],
+)
+def test_telemac(tmp_path, put, size, place, stored):
     serafin = pytest.importorskip("serafin")
     mesh = read_mesh(put("a.slf", selafin(size=size, n_steps=3, dated=True)))
     points = mesh.points.copy()
-    points[4] += 1e-9
+    points[4] = place
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", MeshWarning)
         write_mesh(tmp_path / "b.slf", mesh.with_points(points))
+    points = points.astype(stored)
     with serafin.SerafinReader(str(tmp_path / "b.slf"), "en") as file:
         file.read_header()
         file.get_time()
