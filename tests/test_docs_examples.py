@@ -3,6 +3,7 @@
 `docs/programs.md` needs other libraries: `test_programs_page.py`; the README has `test_readme.py`.
 """
 
+import os
 import re
 import shlex
 from pathlib import Path
@@ -30,16 +31,22 @@ PAGES = [
 
 def prepared(name):
     """Names that a page takes for granted."""
-    if name != "simulation.md":
+    if name not in ("simulation.md", "mpi.md"):
         return {}
+    from qsmooth import write_mesh
     from qsmooth.examples import jittered
 
     mesh = jittered(6, 6)
     body = np.flatnonzero(mesh.is_boundary)[:3]
     places = mesh.points[body].copy()
+    if name == "mpi.md":
+        write_mesh("lake.msh", mesh)
     return {
         "mesh": mesh,
         "points": mesh.points.copy(),
+        "cells": mesh.cells,
+        "vertex_ids": np.arange(mesh.n_vertices),
+        "cell_ids": np.arange(mesh.n_cells),
         "times": range(2),
         "body": body,
         "place_of_body": lambda time: places,
@@ -50,6 +57,8 @@ def prepared(name):
 def test_blocks_run(path, tmp_path, monkeypatch, capsys):
     from qsmooth.cli import run
 
+    if path.name == "mpi.md" and not os.environ.get("QSMOOTH_REQUIRE_MPI"):
+        pytest.importorskip("mpi4py")
     monkeypatch.chdir(tmp_path)
     names = prepared(path.name)
     for number, block in enumerate(blocks(path, "python")):

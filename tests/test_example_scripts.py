@@ -56,6 +56,19 @@ def turning_body(said, folder):
     assert mesh.n_vertices == around_body(45).n_vertices
 
 
+def distributed_body(said, folder):
+    rows = re.findall(r"^ +\d+ +([\d.]+)° +([\d.]+) +yes$", said, re.MULTILINE)
+    assert len(rows) == 5
+    assert float(rows[-1][0]) == 22.5
+    summary = re.search(
+        r"50 steps: .* valid in all of them: True, .* ([\d.]+)$", said, re.MULTILINE
+    )
+    assert float(summary[1]) > 0.8
+    mesh = read_mesh(folder / "body.vtk")
+    assert quality(mesh).n_invalid == 0
+    assert mesh.n_vertices == around_body(45).n_vertices
+
+
 def worst_cells_only(said, folder):
     with (folder / "methods.csv").open(encoding="utf-8") as file:
         rows = {row["method"]: row for row in csv.DictReader(file)}
@@ -141,6 +154,7 @@ def shallow_water(said, folder):
 
 CHECKS = {
     "hold_and_target": (hold_and_target, 0),
+    "distributed_body": (distributed_body, 0),
     "metric_field": (metric_field, 0),
     "moving_boundary": (moving_boundary, 0),
     "poisson": (poisson, 0),
@@ -156,6 +170,8 @@ CHECKS = {
 def test_script(script, tmp_path):
     if script.stem == "poisson":
         pytest.importorskip("skfem")
+    if script.stem == "distributed_body" and not os.environ.get("QSMOOTH_REQUIRE_MPI"):
+        pytest.importorskip("mpi4py")
     check, code = CHECKS[script.stem]  # a script without a check is not tested: give it one
     folder = tmp_path / "out"
     folder.mkdir()

@@ -4,6 +4,7 @@ from .adapters import as_mesh as as_mesh
 from .adapters.meshio_mesh import from_meshio as from_meshio
 from .adapters.meshio_mesh import to_meshio as to_meshio
 from .constraints import Constraints as Constraints
+from .distributed import DistributedMesh as DistributedMesh
 from .errors import MeshError as MeshError
 from .errors import MeshWarning as MeshWarning
 from .io import read_mesh as read_mesh
@@ -43,6 +44,7 @@ from .session import StepRecord as StepRecord
 from .smoothing import compare as compare
 from .smoothing import smooth as smooth
 from .smoothing import untangle as untangle
+from .together import DistributedResult as DistributedResult
 from .warming import warmup as warmup
 
 __version__: str

@@ -4,10 +4,19 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterator
-from typing import Protocol, TypeAlias
+from functools import cached_property
+from typing import TypeAlias
 
+import numpy as np
+
+from qsmooth._types import IndexArray
 from qsmooth.kernels.compiling import clock
+from qsmooth.kernels.stars import Stars
+from qsmooth.numbering import Inside
 from qsmooth.options import OptionError
+from qsmooth.parts import Part, Share
+from qsmooth.team import Team
+from qsmooth.topology import Topology, along_curve
 
 # From a first colour up to another, which is left out.
 Colours: TypeAlias = tuple[int, int]
@@ -22,23 +31,29 @@ SHARE = 5_000
 FIRST_TRIAL = 3
 TRIAL_EVERY = 25
 MOST_LOST = 0.05
+# A schedule with fewer vertices for each rank is swept whole by all of them.
+LEAST_DIVIDED = 2_500
 # On several threads a sweep that takes so many times what one thread took is the last one.
 TOO_LONG = 1.5
 
 
-class Engine(Protocol):
+class Engine:
     """Runs sweeps; the result is the same whatever runs them."""
 
     def running(self) -> contextlib.AbstractContextManager[None]:
         """Hold what it needs for the sweeps inside the block."""
-        ...
+        raise NotImplementedError
 
     def run(self, sweep: Callable[[Colours], None], n_colours: int) -> None:
         """Sweep over all colours, in order."""
-        ...
+        raise NotImplementedError
+
+    def part(self, topology: Topology, stars: Stars, measured: Topology | None = None) -> Part:
+        """Give what this process sweeps of a schedule; and measures, if other cells than those."""
+        return Part(self.run, stars)
 
 
-class Threads:
+class Threads(Engine):
     """Threads of this process: all colours in one call of the compiled loop.
 
     Parameters
@@ -63,7 +78,7 @@ class Threads:
         sweep((0, n_colours))
 
 
-class Quickest:
+class Quickest(Engine):
     """One thread or several: whichever sweeps are over sooner with, found out on the way.
 
     Several nearly divide the time by their count where cores are free. Where one is taken, a sweep
@@ -124,7 +139,7 @@ class Quickest:
         return seconds
 
 
-class Stepwise:
+class Stepwise(Engine):
     """One call a colour, with something between them: what several processes need.
 
     Parameters
@@ -152,7 +167,73 @@ class Stepwise:
                 self.between(colour)
 
 
-def threads_for(wanted: int | None, n_movable: int) -> Engine:
+class Ranks(Threads):
+    """The ranks of a team, each with threads of its own: every one sweeps its part of the vertices.
+
+    Parameters
+    ----------
+    team
+        The ranks.
+    inside
+        The mesh as it lies in memory.
+    owner : (n_vertices,) or None
+        Which rank each of the caller's vertices belongs to; None: pieces of a space-filling curve
+        with as many vertices each.
+    count
+        Threads of this rank.
+    """
+
+    def __init__(
+        self, team: Team, inside: Inside, owner: IndexArray | None = None, count: int = 1
+    ) -> None:
+        super().__init__(count)
+        self._team, self._inside, self._given = team, inside, owner
+        self._shares: list[Share] = []
+
+    @cached_property
+    def _owner(self) -> IndexArray:
+        """Which rank each vertex belongs to, in the order inside, (n_vertices,)."""
+        n = self._inside.topology.n_vertices
+        if self._given is not None:
+            return self._inside.at_vertices(self._given)
+        owner = np.empty(n, np.int64)
+        order = along_curve(self._inside.at_vertices(self._inside.mesh.xy))
+        owner[order] = np.arange(n) * self._team.size // n
+        return owner
+
+    @contextlib.contextmanager
+    def running(self) -> Iterator[None]:
+        """Run on so many threads inside the block; afterwards no sweep can be run."""
+        try:
+            with super().running():
+                yield
+        finally:
+            while self._shares:
+                self._shares.pop().close()
+
+    def part(self, topology: Topology, stars: Stars, measured: Topology | None = None) -> Part:
+        """Give what this rank sweeps of a schedule: all of it where it is too little to divide."""
+        if stars.vertices.size < LEAST_DIVIDED * self._team.size:
+            return Part(self.run, stars)
+        share = Share(self._team, self.run, topology, stars, self._owner, measured)
+        self._shares.append(share)
+        return share
+
+
+def engine_for(wanted: int | None, n_movable: int, inside: Inside, team: Team | None) -> Engine:
+    """Choose who runs the sweeps: the ranks of a team, or threads as `threads_for` does.
+
+    Raises
+    ------
+    ValueError
+        If there are not so many threads.
+    """
+    if team is None or team.size == 1:
+        return threads_for(wanted, n_movable)
+    return Ranks(team, inside, team.owner, threads_for(wanted or 1, n_movable).count)
+
+
+def threads_for(wanted: int | None, n_movable: int) -> Threads | Quickest:
     """Choose threads by the count of movable vertices, unless the caller wants a number of them.
 
     Raises

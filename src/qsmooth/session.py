@@ -28,6 +28,7 @@ from qsmooth.optimizer.stepping import StepRecord as StepRecord
 from qsmooth.result import SmoothResult
 from qsmooth.smoothing import method_of
 from qsmooth.targets import Targets
+from qsmooth.together import SessionOnRanks, Work, comm_of
 
 # Sweeps that a step makes at most if nothing else is said.
 STEP_SWEEPS = 3
@@ -51,7 +52,9 @@ class Smoother:
     mesh
         A `Mesh`, a pair ``(points, cells)``, or what `as_mesh` takes. It is not changed.
     method, constraints, surface, geographic, options
-        As in `smooth`. What `target` says is read from this mesh; only a function of places is
+        As in `smooth`, with ``comm`` among the options: then all ranks make one together, and call
+        it together, with their own points of a `DistributedMesh`, or else those that the first
+        rank has. What `target` says is read from this mesh; only a function of places is
         asked again by ``smoother(points)``. Which vertices and cells `fixed` and `selection` mean
         is found here, too.
 
@@ -78,8 +81,19 @@ class Smoother:
         geographic: bool | None = None,
         **options: Any,
     ) -> None:
-        self._given, self._chosen = method_of(method, options, constraints)
-        self._mesh = as_mesh(mesh, surface=surface, geographic=geographic)
+        self._ranks: SessionOnRanks | None = None
+
+        def make(mesh: Any) -> Work:
+            made, chosen = method_of(method, options, constraints)
+            return Work(as_mesh(mesh, surface=surface, geographic=geographic), [(made, chosen)])
+
+        if (comm := comm_of(options, method, mesh)) is None:
+            work = make(mesh)
+        else:
+            own = options if isinstance(method, str) else method.given()
+            self._ranks = SessionOnRanks(comm, mesh)
+            work = self._ranks.given_out(make, own)
+        self._mesh, ((self._given, self._chosen),) = work.mesh, work.methods
         self._method = self._given.resolved(self._mesh)
         self._begin()
 
@@ -118,6 +132,13 @@ class Smoother:
         RuntimeError
             If it is at work already, in another thread or in its own callback.
         """
+        if self._ranks is not None:
+            result: Any = self._whole(self._ranks.whole(points))
+            return self._ranks.part(result)  # type: ignore[no-any-return]
+        return self._whole(points)
+
+    def _whole(self, points: npt.ArrayLike) -> SmoothResult:
+        """As a call, of the whole mesh."""
         with self._alone():
             mesh = self._mesh.with_points(points)
             if isinstance(self._method, Optimize) and not callable(self._method.target):
@@ -169,6 +190,12 @@ class Smoother:
         RuntimeError
             As of a call.
         """
+        if self._ranks is not None:
+            return self._ranks.step(self._step, points, out, max_sweeps)
+        return self._step(points, out, max_sweeps)
+
+    def _step(self, points: FloatArray, out: FloatArray | None, max_sweeps: int) -> StepRecord:
+        """As `step`, of the whole mesh."""
         out = points if out is None else out
         _require_writable(out)
         if max_sweeps < 0:
@@ -221,6 +248,8 @@ class Smoother:
     def __getstate__(self) -> dict[str, Any]:
         """Keep what it was made of and where it is; tables are made again."""
         with self._alone():
+            if self._ranks is not None:
+                raise TypeError("a Smoother of several ranks can't be pickled")
             state = {k: v for k, v in self.__dict__.items() if k not in ("_lock", "_tables")}
             if self._tables is not None:
                 state["_state"] = self._tables.stepper.state()

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import ExitStack
 from dataclasses import replace
 from typing import Any
 
@@ -10,11 +11,14 @@ from qsmooth._words import did_you_mean
 from qsmooth.adapters import as_mesh
 from qsmooth.bars import Shown, watched
 from qsmooth.constraints import Constraints
+from qsmooth.distributed import DistributedMesh
 from qsmooth.mesh import Surface
 from qsmooth.methods.base import Method
 from qsmooth.options import spelled
 from qsmooth.registry import all_methods, choose, method_class, methods
 from qsmooth.result import SmoothResult
+from qsmooth.team import team_of
+from qsmooth.together import Work, comm_of, given_out, parts_of, run_all
 
 
 def smooth(
@@ -72,6 +76,14 @@ def smooth(
     MeshError
         If a pair is no mesh.
     """
+
+    def make(mesh: Any) -> Work:
+        made, chosen = method_of(method, options, constraints)
+        return Work(as_mesh(mesh, surface=surface, geographic=geographic), [(made, chosen)])
+
+    if (comm := comm_of(options, method, mesh)) is not None:
+        found: SmoothResult = _on_ranks(comm, mesh, make, _own(options, method), progress)[0][0]
+        return found
     method, chosen = method_of(method, options, constraints)
     with watched(method, progress) as shown:
         return shown.smooth(as_mesh(mesh, surface=surface, geographic=geographic), chosen)
@@ -111,6 +123,14 @@ def untangle(
         If a pair is no mesh.
     """
     given = _with_constraints(options, constraints)
+
+    def make(mesh: Any) -> Work:
+        method = all_methods()["untangle"].of(given)
+        return Work(as_mesh(mesh, surface=surface, geographic=geographic), [(method, "")])
+
+    if (comm := comm_of(options, mesh)) is not None:
+        found: SmoothResult = _on_ranks(comm, mesh, make, options, progress)[0][0]
+        return found
     with watched(all_methods()["untangle"].of(given), progress) as shown:
         return shown.smooth(as_mesh(mesh, surface=surface, geographic=geographic))
 
@@ -150,13 +170,43 @@ def compare(
     ValueError, TypeError, MeshError
         As in `smooth`; an option that none of the methods has is a TypeError.
     """
-    mesh = as_mesh(mesh, surface=surface, geographic=geographic)
-    options = _with_constraints(options, constraints)
-    chosen = numbered(configured(methods() if names is None else names, options))
-    skipped = {name: spelled(why) for name, m in chosen.items() if (why := m.why_not(mesh))}
-    if len(chosen) == 1:
-        skipped = {}  # asked for alone it says itself why it can't
-    return {name: m.smooth(mesh) for name, m in chosen.items() if name not in skipped}, skipped
+
+    def make(mesh: Any) -> Work:
+        mesh = as_mesh(mesh, surface=surface, geographic=geographic)
+        given = _with_constraints(options, constraints)
+        chosen = numbered(configured(methods() if names is None else names, given))
+        skipped = {name: spelled(why) for name, m in chosen.items() if (why := m.why_not(mesh))}
+        if len(chosen) == 1:
+            skipped = {}  # asked for alone it says itself why it can't
+        taken = {name: m for name, m in chosen.items() if name not in skipped}
+        return Work(mesh, [(m, "") for m in taken.values()], (list(taken), skipped))
+
+    if (comm := comm_of(options, mesh)) is not None:
+        results, (taken, skipped) = _on_ranks(comm, mesh, make, options, None)
+    else:
+        work = make(mesh)
+        taken, skipped = work.note
+        results = [method.smooth(work.mesh) for method, _ in work.methods]
+    return dict(zip(taken, results, strict=True)), skipped
+
+
+def _on_ranks(
+    comm: Any,
+    mesh: Any,
+    make: Callable[[Any], Work],
+    own: dict[str, Any],
+    progress: bool | Shown | None,
+) -> tuple[list[Any], Any]:
+    """Smooth on all ranks of a communicator; also the note that came with the work."""
+    with team_of(comm) as team, ExitStack() as stack:
+        whole = mesh.whole(team) if isinstance(mesh, DistributedMesh) else mesh
+        work = given_out(team, lambda: make(whole), own, progress, stack)
+        return parts_of(mesh, run_all(team, work)), work.note
+
+
+def _own(options: dict[str, Any], method: str | Method) -> dict[str, Any]:
+    """Options as this rank has them."""
+    return options if isinstance(method, str) else method.given()
 
 
 def numbered(chosen: Iterable[Method]) -> dict[str, Method]:

@@ -26,7 +26,7 @@ def test_moves_are_noted_in_units_of_length_and_what_is_last_follows():
 @pytest.mark.parametrize("scale", [1.0, 1e-12, 1e9])
 def test_products_are_those_of_numpy_in_one_unit(scale):
     moves = moves_of(5, 70) * np.float32(scale)
-    sums = products(moves, float(np.abs(moves).max()))
+    sums = products(moves, float(np.abs(moves).max()), moves.shape[1])
     flat = moves.reshape(5, -1).astype(float)
     expected = flat @ flat.T
     assert sums / sums[0, 0] == pytest.approx(expected / expected[0, 0], abs=1e-12)
@@ -34,14 +34,14 @@ def test_products_are_those_of_numpy_in_one_unit(scale):
 
 def test_products_do_not_depend_on_order():
     moves = moves_of(4, 501, seed=2)
-    largest = float(np.abs(moves).max())
+    largest, n = float(np.abs(moves).max()), moves.shape[1]
     shuffled = np.ascontiguousarray(moves[:, np.random.default_rng(3).permutation(501)])
-    assert np.array_equal(products(moves, largest), products(shuffled, largest))
+    assert np.array_equal(products(moves, largest, n), products(shuffled, largest, n))
 
 
 def test_the_largest_sum_fits():
     moves = np.ones((3, 1000, 2), np.float32)
-    sums = products(moves, 1.0)
+    sums = products(moves, 1.0, moves.shape[1])
     assert (sums > 0).all()
     assert sums.max() < 2**62
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from qsmooth import __version__
-from qsmooth.cli import terminal
+from qsmooth.cli import ranks, terminal
 from qsmooth.cli.compare import compare
 from qsmooth.cli.convert import convert
 from qsmooth.cli.demo import demo
@@ -76,6 +76,8 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run the command line and leave the interpreter with its exit code."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     gc.set_threshold(OBJECTS)
+    if ranks.started_by_mpi():
+        sys.exit(ranks.run(lambda: run(arguments)))
     sys.exit(run(arguments))
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from qsmooth._words import did_you_mean, in_a_row, plural
+from qsmooth.cli import ranks
 from qsmooth.cli.options import spell
 from qsmooth.cli.terminal import InterruptedRunError, held_interrupt, progress, write_line
 
@@ -49,7 +50,7 @@ def method_with(name: str, options: Mapping[str, Any]) -> tuple[Method, str]:
 def run(mesh: Mesh, method: Method, *, part: str = "") -> SmoothResult:
     """Smooth a mesh, and show how far it is; as the second of seven, say."""
     with progress(method, part) as callback:
-        return replace(method, callback=callback).smooth(mesh)
+        return ranks.smooth(replace(method, callback=callback), mesh)
 
 
 def run_to_end(
@@ -69,7 +70,7 @@ def run_to_end(
                 shown(record)
             return interrupt.asked
 
-        result = replace(method, callback=callback).smooth(mesh, why)
+        result = ranks.smooth(replace(method, callback=callback), mesh, why)
     if not interrupt.asked:
         return result
     if output.exists():

@@ -37,7 +37,7 @@ def note_moves(
 
 
 @kernel()
-def products(moves: MoveArray, largest: float) -> IndexArray:
+def products(moves: MoveArray, largest: float, count: int) -> IndexArray:
     """Sum up the products of all pairs of sweeps' moves, in whole units.
 
     Sums of integers are the same in any order: what rests on them depends neither on threads nor
@@ -48,15 +48,17 @@ def products(moves: MoveArray, largest: float) -> IndexArray:
     moves : (n_sweeps, n, 2)
         As `note_moves` notes them.
     largest
-        The largest of them.
+        The largest of them, and of all others whose sums are added to these.
+    count
+        How many vertices all these are of.
 
     Returns
     -------
     sums : (n_sweeps, n_sweeps)
-        In a unit that depends on `largest` and n.
+        In a unit that depends on `largest` and `count`.
     """
     n_sweeps, n = moves.shape[0], moves.shape[1]
-    bits = BITS - int(np.ceil(np.log2(2.0 * n)))
+    bits = BITS - int(np.ceil(np.log2(2.0 * count)))
     scale, unit = 1.0 / largest, 2.0**bits
     sums = np.zeros((n_sweeps, n_sweeps), np.int64)
     for j in range(n_sweeps):

@@ -11,6 +11,7 @@ from qsmooth.constraints import Constraints
 from qsmooth.mesh import Mesh
 from qsmooth.options import OptionError, opaque, option
 from qsmooth.result import SmoothResult, SweepRecord
+from qsmooth.team import Team, is_comm
 
 Callback: TypeAlias = Callable[[SweepRecord], object]
 
@@ -84,16 +85,30 @@ class Method(Constraints):
         "stops with the best so far. What it raises gets through, with that as its `result`.",
     )
 
+    comm: Any = opaque(
+        None,
+        flag=None,
+        help="An ``mpi4py.MPI.Comm`` whose ranks smooth the mesh together, with the same bits as "
+        "one process; all of them call. The first one has the mesh, and its options count.",
+    )
+
     def __post_init__(self) -> None:
         super().__post_init__()
         object.__setattr__(self, "interpolate", parse_names(self.interpolate))
         if self.callback is not None and not callable(self.callback):
             raise OptionError(f"`callback` must be callable, got {self.callback!r}")
+        if not (self.comm is None or isinstance(self.comm, Team) or is_comm(self.comm)):
+            raise OptionError(f"`comm` must be a communicator of mpi4py, got {self.comm!r}")
 
     def __init_subclass__(cls, **more: Any) -> None:
         super().__init_subclass__(**more)
         if "name" in cls.__dict__:
             cls.owner = f"method {cls.name!r}"
+
+    @property
+    def team(self) -> Team | None:
+        """The ranks that smooth together; None for this process alone."""
+        return self.comm if self.comm is None or isinstance(self.comm, Team) else Team(self.comm)
 
     @property
     def guards(self) -> bool:

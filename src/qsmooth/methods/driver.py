@@ -12,7 +12,7 @@ import numpy as np
 
 from qsmooth._types import BoolArray, FloatArray
 from qsmooth.constraints import Freedom
-from qsmooth.engine import Colours, Engine, threads_for
+from qsmooth.engine import Colours, engine_for
 from qsmooth.kernels.compiling import clock
 from qsmooth.kernels.rails import FREE, Rails
 from qsmooth.kernels.stars import Moves, Stars
@@ -24,6 +24,7 @@ from qsmooth.metrics import Quality, Validity, quality
 from qsmooth.numbering import Inside
 from qsmooth.options import OptionError, option
 from qsmooth.outcome import Aim, Cut, Invalid, Outcome, Stage, Stop
+from qsmooth.parts import Glance, Moved, Part, moved_by
 from qsmooth.result import History, SmoothResult, SweepRecord
 from qsmooth.sliding import Slides, slider_of
 from qsmooth.split import Diagonal, split_quads
@@ -87,6 +88,9 @@ class Setting:
         Where the vertices may be.
     slides
         Sweeps over the vertices that slide; None where none does.
+    complete
+        Fills in where the vertices have come to that other processes sweep, (n_vertices, 2), in
+        place: before one looks farther than the cells around those of `stars`.
     """
 
     topology: Topology
@@ -96,6 +100,7 @@ class Setting:
     aim: Aim = Aim.ALL_CELLS
     rails: Rails = FREE
     slides: Slides | None = None
+    complete: Callable[[FloatArray], None] = _nothing
 
     @cached_property
     def blocks(self) -> Blocks:
@@ -154,7 +159,9 @@ class SweepingMethod(Method):
             selected = np.repeat(selected, mesh.topology.cell_sizes - 2)
         topology = swept.topology
         run = _Run(self, inside.topology, inside.at_vertices(mesh.xy), before, watch)
-        engine = threads_for(self.threads, freedom.n_movable) if freedom.n_movable else None
+        engine = None
+        if freedom.n_movable:
+            engine = engine_for(self.threads, freedom.n_movable, inside, self.team)
         slider = None
         if engine is not None and self.max_sweeps:
             free = freedom.inside(inside)
@@ -167,11 +174,15 @@ class SweepingMethod(Method):
                 good = self.good(worst)
             cells = swept.chosen_cells(selected)
             slides = None if slider is None else Slides(slider, worst)
-            setting = Setting(topology, stars, good, cells, rails=free.rails(), slides=slides)
             watch.set_up()
             with engine.running():
+                part = engine.part(topology, stars, inside.topology)
+                setting = Setting(
+                    topology, part.stars, good, cells,
+                    rails=free.rails(), slides=slides, complete=part.complete,
+                )  # fmt: skip
                 for aim, n_sweeps in self.stages():
-                    run.stage(replace(setting, aim=aim), engine, n_sweeps)
+                    run.stage(replace(setting, aim=aim), part, n_sweeps)
             if slider is not None:
                 land(slider, run.xy, guard(topology, run.xy, worst))
         elif engine is not None:
@@ -259,29 +270,33 @@ class _Run:
         self.stop: Stop | None = Stop.NOTHING_MOVES
         self._start = record_of(before)
 
-    def stage(self, setting: Setting, engine: Engine, n_sweeps: int) -> None:
+    def stage(self, setting: Setting, part: Part, n_sweeps: int) -> None:
         """Sweep so often at most."""
         if self.stop in (Stop.TIME_LIMIT, Stop.CALLBACK):
             return
         n_free, slides = setting.stars.vertices.size, setting.slides
-        n_movable = n_free + (0 if slides is None else slides.slider.vertices.size)
-        every = Moves(np.zeros(n_movable), np.zeros(n_movable))
-        moves = Moves(every.lengths[:n_free], every.shares[:n_free])
+        n_slides = 0 if slides is None else slides.slider.vertices.size
+        moves = Moves(np.zeros(n_free), np.zeros(n_free))
+        slid = Moves(np.zeros(n_slides), np.zeros(n_slides))
         sweep = self.method.start(setting)
         first, seconds = len(self.history), self.seconds
         self.stop = None
         while self.stop is None and len(self.history) < first + n_sweeps:
             started = clock()
             sweep.prepare(self.xy)
-            engine.run(lambda colours: sweep.move(self.xy, colours, moves), sweep.n_colours)
+            part.sweep(
+                lambda colours: sweep.move(self.xy, colours, moves), sweep.n_colours, self.xy
+            )
             if slides is not None:
-                lengths, shares = every.lengths[n_free:], every.shares[n_free:]
-                slides.sweep(self.xy, lengths)
-                slides.slider.shares(self.xy, lengths, shares)
+                part.complete(self.xy)
+                slides.sweep(self.xy, slid.lengths)
+                slides.slider.shares(self.xy, *slid)
             self.seconds += clock() - started
-            self.history.append(record(Quality(self.topology, self.xy), *every))
+            moved = part.moved(*moves).together(moved_by(*slid))
+            self.history.append(record(part.glance(self.topology, self.xy), moved))
             self.watch.tell(self.history[-1])
             self.stop = self._why_stop(self.history[first:])
+        part.complete(self.xy)
         past = self.history[first - 1] if first else self._start
         self.stages.append(
             Stage(
@@ -320,16 +335,16 @@ class _Run:
 
 def record_of(before: Quality) -> SweepRecord:
     """Note how a mesh is before the first sweep."""
-    return record(before, np.zeros(1), np.zeros(1))
+    return record(before, Moved(0.0, 0.0, 0))
 
 
-def record(now: Quality, lengths: FloatArray, shares: FloatArray) -> SweepRecord:
+def record(now: Quality | Glance, moved: Moved) -> SweepRecord:
     """Note what a sweep did."""
     smallest, largest = now.extreme_angles
     return SweepRecord(
-        largest_move=float(lengths.max()),
-        largest_share=float(shares.max()),
-        n_moved=int(np.count_nonzero(lengths > 0.0)),
+        largest_move=moved.largest,
+        largest_share=moved.largest_share,
+        n_moved=moved.vertices,
         min_angle=smallest,
         max_angle=largest,
         mean_shape=now.mean_shape,

@@ -103,6 +103,7 @@ class Pace:
 
     def __init__(self, method: ProposingMethod, setting: Setting) -> None:
         self._method, self._topology, self._aim = method, setting.topology, setting.aim
+        self._complete = setting.complete
         n_cells = setting.topology.n_cells
         selected = setting.selected
         ranked = np.arange(n_cells) if selected is None else np.flatnonzero(selected)
@@ -117,6 +118,7 @@ class Pace:
         method = self._method
         if not self._ranks and method.bad_step is None:
             return
+        self._complete(xy)
         largest = Quality(self._topology, xy).figure("max_angle")
         self.values[:] = 1.0
         if method.bad_step is not None:

@@ -37,6 +37,7 @@ class Watch:
 
     def __init__(self, options: Method, started: float | None = None) -> None:
         self._callback, self._limit = options.callback, options.time_limit
+        self._team = options.team
         self._started = self._last = clock() if started is None else started
         self.asked = False
         self._afterwards = 0.0
@@ -57,6 +58,7 @@ class Watch:
             self.asked = isinstance(answer, (bool, np.bool_)) and bool(answer)
         except Exception as error:
             self._error, self.asked = error, True
+        self.asked = self._told(self.asked)
         away = clock() - called
         self._started += away
         self._last += away
@@ -82,14 +84,19 @@ class Watch:
         now = clock()
         spent, piece, self._last = now - self._started, now - self._last, now
         spent += self._afterwards
-        if spent >= self._limit or spent + piece > HELD_TO * self._limit:
-            return Stop.TIME_LIMIT
-        return None
+        over = spent >= self._limit or spent + piece > HELD_TO * self._limit
+        return Stop.TIME_LIMIT if self._told(over) else None
 
     def leaves_time_for(self, seconds: float) -> bool:
         """Whether a piece of work that takes so long would end in time."""
+        if self._limit is None:
+            return True
         spent = self.seconds + self._afterwards
-        return self._limit is None or spent + seconds <= HELD_TO * self._limit
+        return self._told(spent + seconds <= HELD_TO * self._limit)
+
+    def _told(self, decided: bool) -> bool:
+        """What the first of several ranks has decided."""
+        return decided if self._team is None else self._team.told(decided)
 
     def give_back(self, result: SmoothResult) -> SmoothResult:
         """Return the result; or raise what the callback raised, with the result as `result`."""

@@ -176,9 +176,14 @@ class Quality:
     @cached_property
     def mean_shape(self) -> float:
         """Mean of the cells' shape; quicker than by way of all figures."""
+        return exact_mean(self.shape_of_glance)
+
+    @property
+    def shape_of_glance(self) -> FloatArray:
+        """Shape of each cell, (n_cells,), quicker than by way of all figures."""
         if "shape" not in self._figures:
             self._glance()
-        return exact_mean(self._figures["shape"])
+        return self._figures["shape"]
 
     def low_angle(self, percent: float) -> float:
         """Percentile of the cells' smallest angles, degrees."""

@@ -7,6 +7,7 @@ import numpy as np
 from qsmooth._types import FloatArray, IndexArray, TableArray
 from qsmooth.engine import Engine
 from qsmooth.kernels.rails import FREE, Rails
+from qsmooth.parts import Alone
 
 # Added to the diagonal of the least squares problem, as a fraction of its trace.
 REGULARISATION = 1e-10
@@ -33,6 +34,8 @@ class Extrapolation:
         Who runs the loops.
     rails
         Where the vertices may be.
+    part
+        Sums up what several processes have, each of its own vertices; None for all here.
 
     Notes
     -----
@@ -41,9 +44,15 @@ class Extrapolation:
     """
 
     def __init__(
-        self, vertices: TableArray, n_sweeps: int, engine: Engine, rails: Rails = FREE
+        self,
+        vertices: TableArray,
+        n_sweeps: int,
+        engine: Engine,
+        rails: Rails = FREE,
+        part: Alone | None = None,
     ) -> None:
         n = vertices.size
+        self._part = part or Alone()
         # A copy: kernels are compiled once more for arrays that are read-only.
         self._vertices, self._engine, self._rails = vertices.copy(), engine, rails
         self._moves = np.empty((n_sweeps, n, 2), np.float32)
@@ -88,10 +97,11 @@ class Extrapolation:
         from qsmooth.kernels.extrapolation import add_moves, products
 
         moves = self._moves[: self._noted]
-        largest = float(np.abs(moves).max(initial=0.0))
+        part, n = self._part, self._part.total(np.array([moves.shape[1]]))
+        largest = part.largest(float(np.abs(moves).max(initial=0.0)))
         if self._noted < 3 or not 0.0 < largest < np.inf:
             return None
-        weights = _weights(products(moves, largest))
+        weights = _weights(part.total(products(moves, largest, int(n[0]))))
         if weights is None:
             return None
         trial = xy.copy()
@@ -101,6 +111,7 @@ class Extrapolation:
             from qsmooth.kernels.confining import confine_places
 
             self._engine.run(lambda _: confine_places(trial, self._vertices, self._rails), 1)
+        part.complete(trial)
         return trial
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from qsmooth._types import BoolArray, FloatArray, IndexArray
+from qsmooth._types import BoolArray, FloatArray, IndexArray, TableArray
 from qsmooth.engine import Engine
 from qsmooth.kernels.rails import FREE as ANYWHERE
 from qsmooth.kernels.rails import Rails
@@ -19,6 +19,7 @@ from qsmooth.optimizer.caps import ALWAYS, FREE, Caps
 from qsmooth.optimizer.extrapolation import Extrapolation
 from qsmooth.optimizer.look import Look
 from qsmooth.optimizer.progress import ROUND, Progress
+from qsmooth.parts import moved_by
 from qsmooth.sliding import RELAXATION, Demand, Slider
 from qsmooth.sums import exact_sum
 from qsmooth.targets import Targets, beside_others, ideal_corners
@@ -75,20 +76,18 @@ class Lanes:
         self.movable = np.zeros(topology.n_vertices, np.bool_)
         self.movable[stars.vertices] = True
         self.n_colours = stars.colour_offsets.size - 1
-        self._slider, n_free = slider, stars.vertices.size
-        n_movable = n_free
+        self._part = engine.part(topology, stars)
+        self._slider, n_free = slider, self._part.stars.vertices.size
         # What sliding vertices alone change is not judged: where the outline is bent its angles are
         # as good as given, and would be the worst of all. Unless there is nothing else.
         self._judged = self.movable
         if slider is not None:
             self.movable = self.movable | slider.mask
-            n_movable += slider.vertices.size
-            if not n_free:
+            if not stars.vertices.size:
                 self._judged = self.movable
-        self._every = Moves(np.zeros(n_movable), np.zeros(n_movable))
-        # Those that sweeps write, and those of sliding vertices.
-        self._moves = Moves(self._every.lengths[:n_free], self._every.shares[:n_free])
-        self._slides = Moves(self._every.lengths[n_free:], self._every.shares[n_free:])
+        n_slides = 0 if slider is None else slider.vertices.size
+        self._moves = Moves(np.zeros(n_free), np.zeros(n_free))
+        self._slides = Moves(np.zeros(n_slides), np.zeros(n_slides))
         self._shortest = np.empty(n_free)
         self._look: Look | None = None
 
@@ -102,8 +101,15 @@ class Lanes:
 
     @cached_property
     def _blocks(self) -> Blocks:
-        """The vertices in blocks of lanes."""
-        return self.topology.blocks(self.stars)._replace(rails=self.rails)
+        """The vertices that this process sweeps in blocks of lanes."""
+        return self.topology.blocks(self._part.stars)._replace(rails=self.rails)
+
+    @cached_property
+    def _in_turn(self) -> TableArray:
+        """All vertices in the order of blocks, whoever sweeps them, (n_free,)."""
+        if self._part.stars is self.stars:
+            return self._blocks.vertices
+        return self.topology.blocks(self.stars).vertices
 
     @cached_property
     def _rings(self) -> Rings:
@@ -113,7 +119,8 @@ class Lanes:
     @cached_property
     def _ahead(self) -> Extrapolation:
         """What sweeps towards the present targets lead to."""
-        return Extrapolation(self._blocks.vertices, ROUND, self._engine, self.rails)
+        vertices = self._blocks.vertices
+        return Extrapolation(vertices, ROUND, self._engine, self.rails, self._part)
 
     @cached_property
     def _rows(self) -> Rows:
@@ -192,25 +199,28 @@ class Lanes:
         Not where sizes count: there an extrapolation takes the heights of layers along.
         """
         sweep = self.sweep(xy, wall, self.caps.swept, self._moves.lengths)
-        n_sweeps = progress.next_round()
+        n_sweeps, part = progress.next_round(), self._part
         may = extrapolate and n_sweeps == ROUND and not self.sized
         ahead = self._ahead if may and self._ahead.due() else None
         if ahead is not None:
             ahead.start(xy, self.shortest_edges(xy))
         for _ in range(n_sweeps):
-            self._engine.run(sweep, self.n_colours)
+            part.sweep(sweep, part.n_colours, xy)
             self._slide(xy, wall)
             progress.sweeps += 1
             if progress.cut_short():
+                part.complete(xy)
                 return
             if ahead is not None:
                 ahead.note(xy)
+        part.complete(xy)
         if ahead is not None:
             ahead.judge(self._go(xy, ahead.extrapolated(xy), wall))
 
     def _slide(self, xy: FloatArray, wall: Wall) -> None:
         """Sweep over the vertices that slide."""
         if self._slider is not None:
+            self._part.complete(xy)
             self.slide(xy, wall, self.caps.swept, self._slider.blocks)
 
     def slide(self, xy: FloatArray, wall: Wall, held: FloatArray, selected: Blocks) -> FloatArray:
@@ -327,16 +337,12 @@ class Lanes:
         vertices, moved
             Those of this colour, and which of them moved.
         """
-        from qsmooth.kernels.blocks import FIRST
-
-        lengths = np.empty(self._blocks.vertices.size)
-        sweep = self.sweep(xy, wall, held, lengths)
-        self._engine.run(lambda _: sweep((colour, colour + 1)), 1)
-        first, last = (
-            int(self._blocks.table[b, FIRST]) if b < len(self._blocks.table) else lengths.size
-            for b in self._blocks.colour_blocks[colour : colour + 2]
-        )
-        return self._blocks.vertices[first:last].astype(np.int64), lengths[first:last] > 0.0
+        lengths, of_vertices = np.zeros(self._blocks.vertices.size), np.empty(len(xy))
+        self._part.sweep_one(self.sweep(xy, wall, held, lengths), colour)
+        of_vertices[self._blocks.vertices] = lengths
+        self._part.complete(xy, of_vertices)
+        vertices = self.stars.vertices[slice(*self.stars.colour_offsets[colour : colour + 2])]
+        return vertices.astype(np.int64), of_vertices[vertices] > 0.0
 
     def kept_back(self, xy: FloatArray) -> float:
         """Fraction of the energy that a sweep would gain if nothing but validity were held."""
@@ -344,7 +350,8 @@ class Lanes:
 
         trial, held = xy.copy(), np.tile(FREE[:ALWAYS], (self.topology.n_vertices, 1))
         lengths, wall = np.empty_like(self._moves.lengths), Wall(1.0, np.inf, 1)
-        self._engine.run(self.sweep(trial, wall, held, lengths), self.n_colours)
+        self._part.sweep(self.sweep(trial, wall, held, lengths), self._part.n_colours, trial)
+        self._part.complete(trial)
         before = exact_sum(self.energy(xy)[1])
         return 1.0 - exact_sum(self.energy(trial)[1]) / before
 
@@ -427,12 +434,14 @@ class Lanes:
         from qsmooth.kernels.untangle_sweep import untangle_sweep
 
         lengths = self._moves.lengths
-        self._engine.run(
+        self._part.sweep(
             lambda colours: untangle_sweep(
                 xy, self._blocks, colours, RELAXATION, sizes, epsilon, lengths
             ),
-            self.n_colours,
+            self._part.n_colours,
+            xy,
         )
+        self._part.complete(xy)
         if self._slider is not None:
             self._slider.untangle(xy, sizes, epsilon, self._slides.lengths)
 
@@ -440,23 +449,33 @@ class Lanes:
         """Move each vertex to where more of its cells are good; closed corners don't count."""
         from qsmooth.kernels.tangles import mend_more
 
-        topology, lengths = self.topology, self._moves.lengths
+        topology = self.topology
         stars = topology.star_offsets, topology.star_cells, topology.star_corners
-        tables, listed = (*stars, *topology.cells), self._blocks.vertices.astype(np.int64)
+        tables, listed = (*stars, *topology.cells), self._in_turn.astype(np.int64)
+        lengths = np.zeros(listed.size)
         self._engine.run(lambda _: mend_more(xy, tables, closed, listed, self.rails, lengths), 1)
+        self._note(listed, lengths)
         progress.sweeps += 1
 
     def place_doublets(self, xy: FloatArray, progress: Progress) -> None:
         """Put each vertex, all of them doublets, where the largest angle at it is least."""
         from qsmooth.kernels.impossible import place_doublets
 
-        topology, lengths = self.topology, self._moves.lengths
+        topology, rails = self.topology, self.rails
         stars = topology.star_offsets, topology.star_cells, topology.star_corners
-        listed, rails = self._blocks.vertices.astype(np.int64), self.rails
+        listed = self._in_turn.astype(np.int64)
+        lengths = np.zeros(listed.size)
         self._engine.run(
             lambda _: place_doublets(xy, listed, *stars, *topology.cells, rails, lengths), 1
         )
+        self._note(listed, lengths)
         progress.sweeps += 1
+
+    def _note(self, listed: IndexArray, lengths: FloatArray) -> None:
+        """Keep how far vertices, all of them on each rank, have moved."""
+        of_vertices = np.zeros(self.topology.n_vertices)
+        of_vertices[listed] = lengths
+        self._moves.lengths[:] = of_vertices[self._blocks.vertices]
 
     def report(self, xy: FloatArray, now: Quality, progress: Progress) -> None:
         """Note the last sweep in the history."""
@@ -465,7 +484,7 @@ class Lanes:
         np.divide(lengths, self.shortest_edges(xy), out=shares, where=lengths > 0.0)
         if self._slider is not None:
             self._slider.shares(xy, *self._slides)
-        progress.note(now, self._every)
+        progress.note(now, self._part.moved(*self._moves).together(moved_by(*self._slides)))
 
     def energy(self, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Largest badness and mean shape energy of each cell, (n_cells,).

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from qsmooth._types import FloatArray
-from qsmooth.engine import threads_for
+from qsmooth.engine import engine_for
 from qsmooth.kernels.compiling import clock
 from qsmooth.landing import guard, land, slid
 from qsmooth.mesh import Mesh
@@ -94,7 +94,7 @@ class _Staged(Method):
         result, found, after = mesh, _Found(mesh.xy), before
         bounds = slider = None
         if n_movable:
-            engine = threads_for(self.threads, n_movable)
+            engine = engine_for(self.threads, n_movable, inside, self.team)
             ground = Ground(inside, freedom.inside(inside), engine, meant)
             slider = ground.slider
             with engine.running():

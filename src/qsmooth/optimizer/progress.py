@@ -4,18 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
 
-from qsmooth._types import FloatArray
 from qsmooth.methods.base import Method
 from qsmooth.methods.driver import gain, record, record_of
 from qsmooth.methods.watching import Watch
 from qsmooth.metrics import Quality
 from qsmooth.outcome import Aim, Stage, Stop
+from qsmooth.parts import Moved
 from qsmooth.result import SweepRecord
-
-if TYPE_CHECKING:
-    from qsmooth.kernels.stars import Moves
 
 # Sweeps between two looks at the mesh.
 ROUND = 10
@@ -62,9 +58,9 @@ class Progress:
         """Sweeps of the next round."""
         return min(ROUND, self._options.max_sweeps - self.sweeps)
 
-    def note(self, now: Quality, moves: Moves | tuple[FloatArray, FloatArray]) -> None:
+    def note(self, now: Quality, moved: Moved) -> None:
         """Put a round into the history, and tell the caller."""
-        self.history.append(record(now, *moves))
+        self.history.append(record(now, moved))
         self.watch.tell(self.history[-1])
 
     @contextmanager
