@@ -199,3 +199,15 @@ def test_the_example_has_the_same_bits_on_any_number_of_ranks(mpiexec, tmp_path)
     assert len(said[0]) == 5
     assert said[0] == said[1] == said[2]
     assert meshes[0] == meshes[1] == meshes[2]
+
+
+def test_the_shell_writes_a_piece_a_rank(mpiexec, bad_mesh, tmp_path):
+    output = tmp_path / "out.pvtu"
+    run = mpiexec(3, *SHELL, "smooth", bad_mesh, "-m", "star", "-o", output)
+    assert run.returncode == 0, run.stderr
+    assert len(list(tmp_path.glob("out_*.vtu"))) == 3
+    again = tmp_path / "again.pvtu"
+    run = mpiexec(2, *SHELL, "smooth", output, "-m", "quad", "-o", again)
+    assert run.returncode == 0, run.stderr
+    assert len(list(tmp_path.glob("again_*.vtu"))) == 3
+    assert read_mesh(again).n_cells == 6400

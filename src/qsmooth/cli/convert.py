@@ -29,6 +29,15 @@ def convert(
     format: files.FormatOption = None,
     output_format: files.OutputFormatOption = None,
     with_quality: files.WithQualityOption = False,
+    pieces: Annotated[
+        int,
+        typer.Option(
+            "--pieces",
+            metavar="N",
+            min=1,
+            help="Into how many files a .pvtu file divides a mesh that comes from another format.",
+        ),
+    ] = 1,
     json_file: files.JsonOption = None,
     debug: files.DebugOption = False,
 ) -> None:
@@ -49,7 +58,9 @@ def convert(
         written_mesh = files.to_write(mesh, with_quality)
         outputs.put(
             output,
-            lambda: lost.extend(write_and_tell(output, written_mesh, format=output_format)),
+            lambda: lost.extend(
+                write_and_tell(output, written_mesh, format=output_format, pieces=pieces)
+            ),
         )
         if not outputs.written:
             return

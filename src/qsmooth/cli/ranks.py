@@ -44,6 +44,11 @@ def smooth(method: Method, mesh: Mesh, chosen: str = "") -> SmoothResult:
     raise AssertionError
 
 
+def size() -> int:
+    """How many processes smooth together."""
+    return 1 if _team is None else _team.size
+
+
 def run(command: Callable[[], int]) -> int:
     """Run the command line on the first rank, and on the others what that gives out.
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from qsmooth.cli import files, plotting, running, terminal
+from qsmooth.cli import files, plotting, ranks, running, terminal
 from qsmooth.cli.options import METHOD, named
 
 
@@ -79,7 +79,10 @@ def smooth(
     }
     with files.Outputs() as outputs:
         written_mesh = files.to_write(result.mesh, with_quality)
-        outputs.put(output, lambda: write_mesh(output, written_mesh, format=output_format))
+        outputs.put(
+            output,
+            lambda: write_mesh(output, written_mesh, format=output_format, pieces=ranks.size()),
+        )
         outputs.put_report(report_file, mesh_file, [result])
         shown = not outputs.put_json(json_file, facts)
         if shown:

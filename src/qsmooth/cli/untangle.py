@@ -7,7 +7,7 @@ from typing import Any
 import typer
 
 from qsmooth._words import plural
-from qsmooth.cli import files, running, terminal
+from qsmooth.cli import files, ranks, running, terminal
 from qsmooth.cli.options import named
 
 
@@ -54,7 +54,10 @@ def untangle(
     failed = f"FAILED: {plural(n_invalid, 'cell')} of {result.after.n_cells} not valid"
     with files.Outputs() as outputs:
         written_mesh = files.to_write(result.mesh, with_quality)
-        outputs.put(output, lambda: write_mesh(output, written_mesh, format=output_format))
+        outputs.put(
+            output,
+            lambda: write_mesh(output, written_mesh, format=output_format, pieces=ranks.size()),
+        )
         written = output in outputs.written
         if not outputs.put_json(json_file, facts):
             terminal.write_heading(f"{mesh_file}: {tables.size_text(result.before)}")

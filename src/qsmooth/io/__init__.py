@@ -91,7 +91,9 @@ def read_mesh(
     return mesh
 
 
-def write_mesh(path: PathLike, mesh: MeshLike, *, format: str | None = None) -> None:
+def write_mesh(
+    path: PathLike, mesh: MeshLike, *, format: str | None = None, pieces: int = 1
+) -> None:
     """Write a mesh to a file, in one step: if it fails, an older file stays whole.
 
     Into the format it was read from, nothing but the coordinates that changed is new. What
@@ -106,6 +108,9 @@ def write_mesh(path: PathLike, mesh: MeshLike, *, format: str | None = None) -> 
         mesh came from.
     format
         Name of a format, one of `formats()`, if the ending does not say it.
+    pieces
+        Into how many files of its own a ``.pvtu`` file divides a mesh that was read from another
+        format; no other has several.
 
     Raises
     ------
@@ -114,7 +119,7 @@ def write_mesh(path: PathLike, mesh: MeshLike, *, format: str | None = None) -> 
     """
     from qsmooth.mesh import plain_mesh
 
-    lost = write_and_tell(path, mesh, format=format)
+    lost = write_and_tell(path, mesh, format=format, pieces=pieces)
     if lost:
         name = format_of(path, plain_mesh(mesh), format=format)
         warnings.warn(
@@ -122,7 +127,9 @@ def write_mesh(path: PathLike, mesh: MeshLike, *, format: str | None = None) -> 
         )
 
 
-def write_and_tell(path: PathLike, mesh: MeshLike, *, format: str | None = None) -> tuple[str, ...]:
+def write_and_tell(
+    path: PathLike, mesh: MeshLike, *, format: str | None = None, pieces: int = 1
+) -> tuple[str, ...]:
     """Write a mesh as `write_mesh` does, and give what its format cannot hold, in words."""
     from qsmooth.mesh import plain_mesh
 
@@ -132,6 +139,8 @@ def write_and_tell(path: PathLike, mesh: MeshLike, *, format: str | None = None)
     same_format = source is not None and source.format == name
     if folder := folder_format(name):
         return tuple(folders.write(path, folder, mesh, source if same_format else None))
+    if write_at := getattr(named(name), "write_at", None):
+        return tuple(write_at(path, mesh, source if same_format else None, pieces))
     if same_format and source is not None and source.data and _can_write_in_place(source, mesh):
         write_bytes(path, _written_in_place(source, mesh))
         return ()
@@ -198,7 +207,8 @@ def _read(path: Path, name: str | None) -> FileContent:
         content.data = b"" if form in via_meshio.SEVERAL_FILES else data
         return content
     with refused(f"file of format {form.NAME}"):
-        content = form.read(clean)
+        read_at = getattr(form, "read_at", None)
+        content = form.read(clean) if read_at is None else read_at(path, clean)
     content.format, content.data = form.NAME, data
     beside = getattr(form, "in_degrees", None)
     if content.geographic is None and beside:

@@ -95,6 +95,8 @@ class FileContent:
         `slots` is None where there is no file or where it cannot be written back.
     beside
         The other files of the mesh, by name, where its format is a folder.
+    pieces
+        The files that it is in, where its format has several for parts of the mesh.
     places
         For each block the byte at which each cell stands, for messages; or None.
     """
@@ -126,6 +128,7 @@ class FileContent:
     data_slots: dict[str, InPlace] = field(default_factory=dict)
     beside: dict[str, bytes] = field(default_factory=dict)
     places: list[IndexArray] | None = None
+    pieces: tuple[Any, ...] = ()
 
     @property
     def faces(self) -> list[int]:
@@ -333,7 +336,7 @@ def of_mesh(mesh: Mesh) -> FileContent:
         fields = {
             key: value
             for key, value in vars(source).items()
-            if key not in ("data", "slots", "data_slots", "beside")
+            if key not in ("data", "slots", "data_slots", "beside", "pieces")
         }
         return FileContent(**{**fields, **own})
     blocks = [("triangle" if cells.shape[1] == 3 else "quad", cells) for cells in mesh.cells]

@@ -23,7 +23,9 @@ NAMES = ("NAME", "ENDINGS", "HOLDS", "sniff", "read", "write")
 class Format(Protocol):
     """What the module of a format has.
 
-    Five more names may be there. ``WRITES``, True if it is not: whether it writes new files.
+    Seven more names may be there. ``read_at(path, data)`` and ``write_at(path, mesh, source,
+    pieces)``, which lists what is lost, take the place of ``read`` and ``write`` where other files
+    belong to the one that is named. ``WRITES``, True if it is not: whether it writes new files.
     ``PRIORITY``, 0 if it is not: of the formats that share an ending
     the one with the highest is asked first whether a file is its own, and is the one written.
     ``REPLACES``, ``(NAME,)`` if it is not: meshio's names for the format, which are then left out.

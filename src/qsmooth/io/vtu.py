@@ -44,7 +44,7 @@ APPENDED = re.compile(rb"<AppendedData\b[^>]*>\s*_")
 
 def sniff(head: bytes) -> bool:
     """Whether a file that starts so is VTK XML."""
-    return b"<VTKFile" in head
+    return b"<VTKFile" in head and b"PUnstructuredGrid" not in head
 
 
 def read(data: bytes) -> FileContent:
