@@ -211,3 +211,18 @@ def test_the_shell_writes_a_piece_a_rank(mpiexec, bad_mesh, tmp_path):
     assert run.returncode == 0, run.stderr
     assert len(list(tmp_path.glob("again_*.vtu"))) == 3
     assert read_mesh(again).n_cells == 6400
+
+
+STARTS = """
+import subprocess, sys
+from mpi4py import MPI
+if MPI.COMM_WORLD.rank == 0:
+    subprocess.run([sys.executable, "-m", "qsmooth", "info", sys.argv[1]], check=True)
+MPI.COMM_WORLD.Barrier()
+"""
+
+
+def test_a_program_of_mpi_starts_the_shell_as_a_process_of_its_own(mpiexec, bad_mesh):
+    run = mpiexec(2, "-c", STARTS, bad_mesh, patience=SECONDS)
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.count("Doublets") == 1

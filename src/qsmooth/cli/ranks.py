@@ -17,17 +17,36 @@ if TYPE_CHECKING:
     from qsmooth.result import SmoothResult
     from qsmooth.team import Team
 
-# How those that start several processes say how many these are; PMIx only says which this is.
+# How those that start several processes say how many these are: MPICH and its like, Open MPI,
+# MVAPICH, and Slurm where it starts processes of MPI.
 SIZES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "MV2_COMM_WORLD_SIZE")
-RANK = "PMIX_RANK"
+SLURM_SIZE, OF_MPI = "SLURM_STEP_NUM_TASKS", ("PMI_RANK", "PMIX_RANK")
+# A descriptor by which MPICH talks to whoever has started the process.
+TALKS = "PMI_FD"
+# 0 keeps a process that an MPI program has started from taking part in it.
+SWITCH = "QSMOOTH_MPI"
 
 _team: Team | None = None
 
 
 def started_by_mpi() -> bool:
-    """Whether this is one of several processes that ``mpiexec`` or its like has started."""
-    sizes = [os.environ.get(name, "") for name in SIZES]
-    return any(size.isdigit() and int(size) > 1 for size in sizes) or RANK in os.environ
+    """Whether this is one of several processes that ``mpiexec`` or its like has started.
+
+    Not one that such a process has started itself: it inherits what the environment says, and
+    none of the connections.
+    """
+    told = os.environ
+    if told.get(SWITCH) == "0":
+        return False
+    names = (*SIZES, SLURM_SIZE) if any(name in told for name in OF_MPI) else SIZES
+    if not any(told.get(name, "").isdigit() and int(told[name]) > 1 for name in names):
+        return False
+    if told.get(TALKS, "").isdigit():
+        try:
+            os.fstat(int(told[TALKS]))
+        except OSError:
+            return False
+    return True
 
 
 def smooth(method: Method, mesh: Mesh, chosen: str = "") -> SmoothResult:
