@@ -65,8 +65,11 @@ def beside_others(topology: Topology, chosen: BoolArray) -> BoolArray:
 
 def ideal_corners(topology: Topology) -> FloatArray:
     """Coefficients of squares and equilateral triangles at all corners: (n_corners, 3)."""
-    is_triangle = np.repeat(topology.cell_sizes == 3, topology.cell_sizes)
-    return np.where(is_triangle[:, None], EQUILATERAL, SQUARE)
+    corners = np.empty((topology.cell_vertices.size, 3))
+    corners[:] = SQUARE
+    if topology.n_quads < topology.n_cells:
+        corners[np.repeat(topology.cell_sizes == 3, topology.cell_sizes)] = EQUILATERAL
+    return corners
 
 
 def blocks(topology: Topology) -> list[tuple[int, IndexArray, IndexArray]]:

@@ -80,7 +80,9 @@ class Sheets:
     def _measure(self, topology: Topology, xy: FloatArray) -> None:
         """Measure lengths, sines and heights."""
         p = xy[topology.cell_vertices[self.sides]]
-        edges = np.roll(p, -1, axis=1) - p
+        edges = np.empty_like(p)
+        np.subtract(p[:, 1:], p[:, :-1], out=edges[:, :-1])
+        np.subtract(p[:, 0], p[:, 3], out=edges[:, 3])
         sides = np.hypot(edges[..., 0], edges[..., 1])
         lengths = 0.5 * (sides[:, :2] + sides[:, 2:])
         # No length: as good as none, but one that logarithms can be averaged of.
