@@ -18,6 +18,7 @@ from qsmooth.kernels.proposals import thresholds
 from qsmooth.kernels.ring_blocks import build_ring_blocks
 from qsmooth.kernels.stars import Moves, Rings
 from qsmooth.methods.driver import record
+from qsmooth.parts import moved_by
 from shapes import fan
 
 pytestmark = pytest.mark.benchmark(group="sweeps")
@@ -221,7 +222,7 @@ def test_laplacian_and_record(benchmark, note, put_bound, of_four):
 
     def sweep():
         kernel(*arguments)
-        return record(Quality(of_four.mesh.topology, of_four.xy), *of_four.moves)
+        return record(Quality(of_four.mesh.topology, of_four.xy), moved_by(*of_four.moves))
 
     sweep()
     benchmark(sweep)
