@@ -13,7 +13,7 @@ from qsmooth._words import plural
 from qsmooth.checks import checked_blocks, checked_points
 from qsmooth.errors import MeshError
 from qsmooth.mesh import Mesh, Surface
-from qsmooth.team import FIRST, Team, is_comm
+from qsmooth.team import FIRST, Team, is_comm, team_of
 
 
 class DistributedMesh:
@@ -26,7 +26,7 @@ class DistributedMesh:
     Parameters
     ----------
     points : (n, 2) or (n, 3)
-        Coordinates of this rank's vertices.
+        Coordinates of this rank's vertices; there may be none.
     cells : (m, 4) or (m, 3) integers, or a list of such arrays
         Rows of `points`, counted from 0; also none, in an array of shape (0, 4).
     vertex_ids : (n,)
@@ -68,7 +68,9 @@ class DistributedMesh:
         self._surface: Surface = surface
         self._geographic = geographic
         self._ids: IndexArray | None = None  # those of all ranks
-        team = Team(comm)
+        self._regions: IndexArray | None = None
+        self.points: FloatArray = np.empty((0, 2))
+        team = team_of(comm)
 
         def check() -> None:
             try:
@@ -77,13 +79,27 @@ class DistributedMesh:
                 raise MeshError(f"on rank {team.rank}: {error}") from None
 
         team.tried(check)
+        self._agree(team)
+
+    def _agree(self, team: Team) -> None:
+        """Learn from the others what a rank without vertices does not know; MeshError if unlike."""
+        own = (self.points.shape[1], self._regions is not None) if len(self.points) else None
+        said = {other for other in team.of_all(own) if other is not None}
+        if len(said) > 1:
+            raise MeshError("points must have as many columns, and regions be given, on all ranks")
+        if not said:
+            raise MeshError("the mesh is empty: no rank has vertices")
+        if own is None:
+            n_columns, has_regions = said.pop()
+            self.points = np.empty((0, n_columns))
+            self._regions = np.empty(0, np.int64) if has_regions else None
 
     def _take(
         self, points: Any, cells: Any, vertex_ids: Any, cell_ids: Any, fixed: Any, regions: Any
     ) -> None:
         self.vertex_ids = _ids(vertex_ids, len(points), "vertex_ids")
         _require_finite(points, self.vertex_ids)
-        self.points = checked_points(points)
+        self.points = checked_points(points) if len(points) else np.empty((0, 2))
         self.cells = _blocks(cells)
         n_cells = sum(len(block) for block in self.cells)
         self.cell_ids = _ids(cell_ids, n_cells, "cell_ids")
@@ -96,7 +112,6 @@ class DistributedMesh:
                 self._fixed[np.asarray(fixed)] = True
             except IndexError:
                 raise MeshError("fixed must be a mask or rows of points") from None
-        self._regions = None
         if regions is not None:
             self._regions = np.asarray(regions, np.int64)
             if self._regions.shape != (n_cells,):
@@ -137,9 +152,6 @@ class DistributedMesh:
         """
         ids, counts = team.arrays_of_all(self.vertex_ids)
         rank_of_row = np.repeat(np.arange(team.size), counts)
-        dimensions = team.of_all((self.points.shape[1], self._regions is not None))
-        if len(set(dimensions)) > 1:
-            raise MeshError("points must have as many columns, and regions be given, on all ranks")
         n = _complete(ids, "vertex")
         points = self._alike(team, ids, n, self.points, "vertex", "coordinates")
         fixed = np.zeros(n, np.bool_)

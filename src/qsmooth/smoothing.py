@@ -198,7 +198,8 @@ def _on_ranks(
     progress: bool | Shown | None,
 ) -> tuple[list[Any], Any]:
     """Smooth on all ranks of a communicator; also the note that came with the work."""
-    with team_of(comm) as team, ExitStack() as stack:
+    team = team_of(comm)
+    with ExitStack() as stack:
         whole = mesh.whole(team) if isinstance(mesh, DistributedMesh) else mesh
         work = given_out(team, lambda: make(whole), own, progress, stack)
         return parts_of(mesh, run_all(team, work)), work.note

@@ -8,8 +8,8 @@ mpi4py is imported here alone, and only where there is a communicator.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from functools import cache
 from typing import Any, TypeVar
 
 import numpy as np
@@ -120,11 +120,21 @@ def is_comm(thing: object) -> bool:
     return mpi is not None and isinstance(thing, mpi.Intracomm)
 
 
-@contextmanager
-def team_of(comm: Any) -> Iterator[Team]:
-    """Make the ranks of a communicator a team for this block: messages of their own."""
-    own = comm.Dup()
-    try:
-        yield Team(own)
-    finally:
-        own.Free()
+def team_of(comm: Any) -> Team:
+    """Make the ranks of a communicator a team, with messages of their own.
+
+    For these it is duplicated, once: MPI has no more than some two thousand communicators.
+    """
+    own = comm.Get_attr(_key())
+    if own is None:
+        own = comm.Dup()
+        comm.Set_attr(_key(), own)
+    return Team(own)
+
+
+@cache
+def _key() -> int:
+    """Under what a communicator keeps its duplicate."""
+    from mpi4py import MPI
+
+    return int(MPI.Comm.Create_keyval())

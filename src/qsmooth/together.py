@@ -17,7 +17,7 @@ from qsmooth.errors import MeshError
 from qsmooth.mesh import Mesh
 from qsmooth.methods.base import Method
 from qsmooth.result import SmoothResult, SweepRecord
-from qsmooth.team import Team
+from qsmooth.team import Team, team_of
 from qsmooth.vectors import directions_of
 
 T = TypeVar("T")
@@ -184,7 +184,7 @@ class SessionOnRanks:
     """
 
     def __init__(self, comm: Any, mesh: Any) -> None:
-        self._team = Team(comm.Dup())
+        self._team = team_of(comm)
         self._mesh: DistributedMesh | None = None
         self._given = mesh
         if isinstance(mesh, DistributedMesh):

@@ -10,7 +10,7 @@ from mpi4py import MPI
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from mesh_parts import blocks_of_rows, cell_corners, part_of, round_robin
+from mesh_parts import all_on_the_first, blocks_of_rows, cell_corners, part_of, round_robin
 
 import meshes
 from qsmooth import Mesh, Smoother, compare, engine, smooth, team, untangle
@@ -174,6 +174,14 @@ def every_partition():
                     is_same &= bool(comm.allreduce(own, MPI.MIN))
                     yield f"{name} {method} {partition.__name__} {ghosts}", is_same
 
+    for mesh in (structured(1, 1), structured(2, 2), MESHES["quads"]()):
+        part = part_of(mesh, all_on_the_first(mesh, comm.size), comm)
+        for method in ("star", "laplacian", "optimize"):
+            alone = smooth(mesh, method)
+            is_same = same(alone, smooth(part, method).whole)
+            is_same &= same(alone, smooth(on_first(mesh), method, comm=comm))
+            yield f"{mesh.n_cells} cells, {method}, all on the first", is_same
+
 
 def ways_in():
     mesh, broken = MESHES["mixed"](), MESHES["tangled"]()
@@ -205,7 +213,7 @@ def sessions():
     for method in ("star", "optimize", "laplacian"):
         mesh = MESHES["mixed"]()
         shakes = [np.random.default_rng(k).normal(0, 1e-3, mesh.points.shape) for k in range(4)]
-        for partition in (None, blocks_of_rows, round_robin):
+        for partition in (None, blocks_of_rows, round_robin, all_on_the_first):
             part = None if partition is None else part_of(mesh, partition(mesh, comm.size), comm)
             alone = Smoother(mesh, method)
             if part is None:
