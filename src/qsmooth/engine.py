@@ -230,7 +230,9 @@ def engine_for(wanted: int | None, n_movable: int, inside: Inside, team: Team | 
     """
     if team is None or team.size == 1:
         return threads_for(wanted, n_movable)
-    return Ranks(team, inside, team.owner, threads_for(wanted or 1, n_movable).count)
+    # Where one rank has fewer than others, none begins.
+    count = team.tried(lambda: threads_for(wanted or 1, n_movable).count)
+    return Ranks(team, inside, team.owner, count)
 
 
 def threads_for(wanted: int | None, n_movable: int) -> Threads | Quickest:

@@ -239,6 +239,7 @@ class Share(Part):
         )
         angles, sums, invalid = zip(*self._team.of_all(part), strict=True)
         if any(scaled is None for scaled in sums):  # a shape that is NaN
+            self.complete(xy)
             return Quality(topology, xy)
         lowest, highest = zip(*angles, strict=True)
         return Glance(
