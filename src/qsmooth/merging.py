@@ -294,5 +294,6 @@ def _renumbered(mesh: Mesh, stays: BoolArray, ids: IndexArray) -> Mesh:
         data_slots={},
         beside={},
         places=None,
+        pieces=(),
     )
     return content.to_mesh(mesh.surface).with_fixed(fixed)

@@ -180,3 +180,31 @@ def test_from_the_shell(tmp_path, capsys):
     assert run(["smooth", there[1], "-o", str(tmp_path / "c.pvtu"), "-m", "star"]) == 0
     assert len(list(tmp_path.glob("c_*.vtu"))) == 4
     assert "Nothing was lost" in capsys.readouterr().out
+
+
+def test_merged_pieces_are_written_anew(tmp_path):
+    left = jittered(4, 4)
+    right = np.column_stack([left.points[:, 0].max() + left.points[:, 0], left.points[:, 1]])
+    apart = Mesh(
+        np.vstack([left.points, right]), [np.vstack([left.cells[0], left.cells[0] + 25])]
+    )
+    write_mesh(tmp_path / "a.pvtu", apart, pieces=2)
+    assert read_mesh(tmp_path / "a.pvtu").n_vertices == 50
+    paths = [str(tmp_path / name) for name in ("a.pvtu", "b.pvtu")]
+    assert run(["smooth", paths[0], "-o", paths[1], "-m", "star", "--merge"]) == 0
+    back = read_mesh(tmp_path / "b.pvtu")
+    assert (back.n_vertices, back.n_cells) == (45, 32)
+    assert quality(back).n_invalid == 0
+
+
+def test_pieces_made_anew_are_described_anew(tmp_path):
+    write_mesh(tmp_path / "a.pvtu", jittered(4, 4), pieces=1)
+    paths = [str(tmp_path / name) for name in ("a.pvtu", "b.pvtu")]
+    assert run(["smooth", paths[0], "-o", paths[1], "-m", "star", "--with-quality"]) == 0
+    main, piece = ((tmp_path / name).read_text() for name in ("b.pvtu", "b_0.vtu"))
+    assert main.count("<PDataArray") == piece.count("<DataArray") - 3  # those of its cells
+    mesh = read_mesh(paths[0])
+    mesh.source.point_data["depth"] = np.arange(25.0)
+    mesh.source.changed = frozenset({"depth"})
+    write_mesh(tmp_path / "c.pvtu", mesh)
+    assert 'Name="depth"' in (tmp_path / "c.pvtu").read_text()

@@ -55,12 +55,13 @@ def smooth(method: Method, mesh: Mesh, chosen: str = "") -> SmoothResult:
         return method.smooth(mesh, chosen)
     from qsmooth.together import Work, given_out, run_all
 
-    _team.told(True)
+    team = _team
+    team.told(True)
     with ExitStack() as stack:
-        work = given_out(_team, lambda: Work(mesh, [(method, chosen)]), {}, None, stack)
-        with _ended_together(_team, but=ValueError):
-            return run_all(_team, work)[0]
-    raise AssertionError
+        work = given_out(team, lambda: Work(mesh, [(method, chosen)]), {}, None, stack)
+        stack.enter_context(_ended_together(team, but=ValueError))
+        results = run_all(team, work)
+    return results[0]
 
 
 def size() -> int:

@@ -127,6 +127,7 @@ def write_at(path: Path, mesh: Mesh, source: FileContent | None, n_pieces: int) 
     """
     lost: list[str] = []
     made = None if source is None else _rewritten(source, mesh)
+    template = b"" if made is None or source is None else source.data
     if made is None:
         content = of_mesh(mesh)
         if source is None:
@@ -137,7 +138,7 @@ def write_at(path: Path, mesh: Mesh, source: FileContent | None, n_pieces: int) 
     try:
         for name, data in zip(names, made, strict=True):
             write_bytes(path.parent / name, data)
-        write_bytes(path, _main(source, names, made[0]))
+        write_bytes(path, _main(template, names, made[0]))
     except BaseException:
         for name in names:
             with contextlib.suppress(OSError):
@@ -310,12 +311,12 @@ def _free_names(path: Path, n: int) -> list[str]:
         turn += 1
 
 
-def _main(source: FileContent | None, names: list[str], first: bytes) -> bytes:
+def _main(template: bytes, names: list[str], first: bytes) -> bytes:
     """The file that names the pieces: as it was but for the names, or a new one."""
-    if source is not None and source.data:
+    if template:
         left = iter(names)
         found, n = SOURCE.subn(
-            lambda m: m[1] + next(left, "").translate(vtu.ESCAPED).encode() + m[3], source.data
+            lambda m: m[1] + next(left, "").translate(vtu.ESCAPED).encode() + m[3], template
         )
         if n == len(names):
             return found
