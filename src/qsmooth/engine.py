@@ -14,7 +14,7 @@ from qsmooth.kernels.compiling import clock
 from qsmooth.kernels.stars import Stars
 from qsmooth.numbering import Inside
 from qsmooth.options import OptionError
-from qsmooth.parts import Part, Share
+from qsmooth.parts import Part, Share, Steps
 from qsmooth.team import Team
 from qsmooth.topology import Topology, along_curve
 
@@ -51,6 +51,18 @@ class Engine:
     def part(self, topology: Topology, stars: Stars, measured: Topology | None = None) -> Part:
         """Give what this process sweeps of a schedule; and measures, if other cells than those."""
         return Part(self.run, stars)
+
+    def steps(self, topology: Topology, stars: Stars, block_of: IndexArray) -> Part:
+        """Give what this process sweeps of a schedule in the steps of a session.
+
+        `block_of`, (n_vertices,), is the block of lanes that each vertex is in.
+        """
+        return Part(self.run, stars)
+
+    @property
+    def alone(self) -> Engine:
+        """Who runs what each process does for itself."""
+        return self
 
 
 class Threads(Engine):
@@ -218,6 +230,17 @@ class Ranks(Threads):
         share = Share(self._team, self.run, topology, stars, self._owner, measured)
         self._shares.append(share)
         return share
+
+    def steps(self, topology: Topology, stars: Stars, block_of: IndexArray) -> Part:
+        """Give the blocks of lanes that this rank sweeps: all where they are too few to divide."""
+        if stars.vertices.size < LEAST_DIVIDED * self._team.size:
+            return Part(self.run, stars)
+        return Steps(self._team, self.run, topology, stars, block_of)
+
+    @property
+    def alone(self) -> Engine:
+        """Who runs what each rank does for itself."""
+        return Threads(self.count)
 
 
 def engine_for(wanted: int | None, n_movable: int, inside: Inside, team: Team | None) -> Engine:

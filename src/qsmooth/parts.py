@@ -8,21 +8,26 @@ that messages fly while the rest is swept.
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Callable
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray
 from qsmooth.checks import read_only
 from qsmooth.kernels.stars import Stars
 from qsmooth.metrics import Quality
-from qsmooth.sums import scaled_sum, sum_of_scaled
+from qsmooth.sums import exact_sum, scaled_sum, sum_of_scaled
 from qsmooth.team import Team
 from qsmooth.topology import Topology
 
+T = TypeVar("T")
+A = TypeVar("A", bound=npt.NDArray[Any])
+
 # Runs a sweep over a range of colours, so many of them.
-Run: TypeAlias = Callable[[Callable[[Any], None], int], None]
+Runner: TypeAlias = Callable[[Callable[[Any], None], int], None]
 
 
 class Moved(NamedTuple):
@@ -66,11 +71,52 @@ def moved_by(lengths: FloatArray, shares: FloatArray) -> Moved:
     )
 
 
+class Run(NamedTuple):
+    """Cells that follow each other: those that one rank looks at.
+
+    Attributes
+    ----------
+    cells, corners
+        Which cells, and which of `Topology.cell_vertices`.
+    topology
+        These cells.
+    """
+
+    cells: slice
+    corners: slice
+    topology: Topology
+
+
 class Alone:
     """One process that has all vertices: what several would have to tell each other."""
 
-    def complete(self, *values: FloatArray) -> None:
-        """Fill in what others have at their movable vertices, (n_vertices, ...), in place."""
+    def run_of(self, topology: Topology) -> Run:
+        """Give the cells that this process looks at; all ranks together look at all."""
+        return Run(slice(0, topology.n_cells), slice(0, topology.cell_vertices.size), topology)
+
+    def of_cells(self, own: A, topology: Topology) -> A:
+        """Join what there is at the cells of `run_of`, (n, ...), to all cells'."""
+        return own
+
+    def of_all(self, thing: T) -> list[T]:
+        """What each process has; for small things."""
+        return [thing]
+
+    def either(self, marks: BoolArray) -> None:
+        """Mark what any process has marked, in place."""
+
+    def exact_sum(self, own: FloatArray) -> float:
+        """Add up all processes' numbers, as `sums.exact_sum` does."""
+        scaled = scaled_sum(own)
+        found = self.of_all(exact_sum(own) if scaled is None else scaled)
+        odd = [one for one in found if isinstance(one, float)]
+        return sum(odd) if odd else sum_of_scaled(sum(map(int, found)))
+
+    def complete(self, *values: FloatArray, colour: int | None = None) -> None:
+        """Fill in what others have at their movable vertices, (n_vertices, ...), in place.
+
+        Or at those of one colour, by its number in the whole schedule.
+        """
 
     def moved(self, lengths: FloatArray, shares: FloatArray) -> Moved:
         """Sum up the moves of all ranks' vertices."""
@@ -98,9 +144,16 @@ class Part(Alone):
         Runs a sweep on this process.
     stars
         The schedule that this process sweeps.
+
+    Attributes
+    ----------
+    own_blocks : (n_blocks,) or None
+        Which blocks of lanes this process sweeps in the steps of a session; None for all.
     """
 
-    def __init__(self, run: Run, stars: Stars) -> None:
+    own_blocks: BoolArray | None = None
+
+    def __init__(self, run: Runner, stars: Stars) -> None:
         self._run, self.stars = run, stars
 
     @property
@@ -115,6 +168,13 @@ class Part(Alone):
     def sweep_one(self, move: Callable[[Any], None], colour: int) -> None:
         """Sweep over one colour, by the number that it has in the whole schedule."""
         self._run(lambda _: move((colour, colour + 1)), 1)
+
+    def near(self, topology: Topology, rings: int) -> tuple[BoolArray | None, Topology]:
+        """Give the cells of so many rings around those of `stars`: marks, (n_cells,), None for all.
+
+        And these cells themselves.
+        """
+        return None, topology
 
 
 class Share(Part):
@@ -137,7 +197,7 @@ class Share(Part):
     def __init__(
         self,
         team: Team,
-        run: Run,
+        run: Runner,
         topology: Topology,
         whole: Stars,
         owner: IndexArray,
@@ -165,14 +225,20 @@ class Share(Part):
         ]
         wanted = np.zeros(owner.size, np.bool_)
         wanted[vertices[mine]] = True
-        super().__init__(run, _own_stars(whole, owner[whole.vertices] == team.rank, wanted))
-        ranks = owner[whole.vertices]
-        order = np.argsort(ranks, kind="stable")
-        self._movable, self._counts = whole.vertices[order], np.bincount(ranks, minlength=team.size)
-        first = int(self._counts[: team.rank].sum())
-        self._mine = self._movable[first : first + int(self._counts[team.rank])]
+        super().__init__(run, self._stars_of(whole, wanted))
+        movable = np.flatnonzero(self._is_movable)
+        ranks = owner[movable]
+        order = np.argsort(ranks, kind="stable")  # each rank's as they lie in memory
+        self._movable, self._counts = movable[order], np.bincount(ranks, minlength=team.size)
+        self._colour_of = colour[self._movable].astype(np.int16)
+        self._near: dict[tuple[Topology, int], tuple[BoolArray, Topology]] = {}
+        self._runs: dict[Topology, Run] = {}
         self._measured, self._cells = topology, topology
         self._is_split = False
+
+    def _stars_of(self, whole: Stars, wanted: BoolArray) -> Stars:
+        """Give what this rank sweeps; the vertices that others want come first."""
+        return _own_stars(whole, self._owner[whole.vertices] == self._team.rank, wanted)
 
     def close(self) -> None:
         """Give back what MPI holds."""
@@ -201,10 +267,39 @@ class Share(Part):
         """Sweep over one colour, by the number that it has in the whole schedule."""
         self._run(lambda _: move((2 * colour, 2 * colour + 2)), 1)
 
-    def complete(self, *values: FloatArray) -> None:
-        """Fill in what others have at their movable vertices, (n_vertices, ...), in place."""
+    def near(self, topology: Topology, rings: int) -> tuple[BoolArray | None, Topology]:
+        """Give the cells of so many rings around those of `stars`: marks, (n_cells,), None for all.
+
+        And these cells themselves.
+        """
+        if (topology, rings) not in self._near:
+            chosen, at = np.zeros(topology.n_cells, np.bool_), np.zeros(self._owner.size, np.bool_)
+            chosen[self.stars.cells] = True
+            for _ in range(rings):
+                at[topology.cell_vertices[np.repeat(chosen, topology.cell_sizes)]] = True
+                chosen = np.logical_or.reduceat(
+                    at[topology.cell_vertices], topology.cell_offsets[:-1]
+                )
+            self._near[topology, rings] = chosen, topology.only_cells(chosen)
+        return self._near[topology, rings]
+
+    def complete(self, *values: FloatArray, colour: int | None = None) -> None:
+        """Fill in what others have at their movable vertices, (n_vertices, ...), in place.
+
+        Or at those of one colour, by its number in the whole schedule.
+        """
+        vertices, counts = self._movable, self._counts
+        if colour is not None:
+            chosen = self._colour_of == colour
+            vertices = vertices[chosen]
+            ends = np.cumsum(counts)
+            counts = np.diff(np.append(0, np.cumsum(chosen))[np.append(0, ends)])
+        first = int(counts[: self._team.rank].sum())
+        after = first + int(counts[self._team.rank])
         for array in values:
-            array[self._movable] = self._team.joined(array[self._mine], self._counts)
+            joined = self._team.joined(array[vertices[first:after]], counts)
+            array[vertices[:first]] = joined[:first]
+            array[vertices[after:]] = joined[after:]
 
     def moved(self, lengths: FloatArray, shares: FloatArray) -> Moved:
         """Sum up the moves of all ranks' vertices."""
@@ -217,9 +312,36 @@ class Share(Part):
         """The largest of all ranks'."""
         return max(self._team.of_all(value))
 
+    def run_of(self, topology: Topology) -> Run:
+        """Give the cells that this rank looks at; all ranks together look at all."""
+        if topology not in self._runs:
+            ends = self._ends_of_runs(topology)[self._team.rank :][:2].tolist()
+            corners = topology.cell_offsets[ends].tolist()
+            self._runs[topology] = Run(slice(*ends), slice(*corners), topology.run_of_cells(*ends))
+        return self._runs[topology]
+
+    def _ends_of_runs(self, topology: Topology) -> IndexArray:
+        """Where the ranks' runs of cells begin and end, (size + 1,)."""
+        ends: IndexArray = np.arange(self._team.size + 1) * topology.n_cells // self._team.size
+        return ends
+
+    def of_cells(self, own: A, topology: Topology) -> A:
+        """Join what there is at the cells of `run_of`, (n, ...), to all cells'."""
+        ends = self._ends_of_runs(topology)
+        return self._team.joined(own, np.diff(ends))
+
+    def of_all(self, thing: T) -> list[T]:
+        """What each rank has, by rank; for small things."""
+        return self._team.of_all(thing)
+
+    def either(self, marks: BoolArray) -> None:
+        """Mark what any rank has marked, in place."""
+        self._team.either(marks)
+
     def total(self, values: IndexArray) -> IndexArray:
         """Sum of all ranks' integers."""
-        return np.asarray(np.sum(self._team.of_all(values), axis=0, dtype=np.int64))
+        total: IndexArray = np.sum(self._team.of_all(values), axis=0, dtype=np.int64)
+        return total
 
     def glance(self, topology: Topology, xy: FloatArray) -> Quality | Glance:
         """Measure all cells; each rank those with the first of whose movable vertices is its."""
@@ -247,6 +369,52 @@ class Share(Part):
             sum_of_scaled(sum(sums)) / topology.n_cells,
             sum(invalid),
         )
+
+
+class Steps(Share):
+    """What one of several ranks has of the steps of a session: some blocks of lanes, wholly.
+
+    Blocks rest and wake as one, so that they are not cut up. Each rank has as many of each colour,
+    one after the other as they lie in memory.
+
+    Parameters
+    ----------
+    team, run, topology, whole
+        As of a `Share`.
+    block_of : (n_vertices,)
+        Block of each of the vertices of `whole`; blocks are counted colour by colour.
+    """
+
+    def __init__(
+        self,
+        team: Team,
+        run: Runner,
+        topology: Topology,
+        whole: Stars,
+        block_of: IndexArray,
+    ) -> None:
+        vertices = whole.vertices.astype(np.int64)
+        blocks, n_colours = block_of[vertices], whole.colour_offsets.size - 1
+        colour = np.empty(int(blocks.max(initial=-1)) + 1, np.int64)
+        colour[blocks] = np.repeat(np.arange(n_colours), np.diff(whole.colour_offsets))
+        counts = np.bincount(colour, minlength=n_colours)
+        place = np.arange(colour.size) - (np.cumsum(counts) - counts)[colour]
+        rank_of = place * team.size // counts[colour]
+        owner = np.zeros(topology.n_vertices, np.int64)
+        owner[vertices] = rank_of[blocks]
+        super().__init__(team, run, topology, whole, owner)
+        self.own_blocks = rank_of == team.rank
+        weakref.finalize(self, _give_back, self._channels).atexit = False
+
+    def _stars_of(self, whole: Stars, wanted: BoolArray) -> Stars:
+        return whole
+
+    def sweep(self, move: Callable[[Any], None], n_colours: int, xy: FloatArray) -> None:
+        """Sweep over all colours of the blocks selected, and have the others' moves."""
+        for colour, channels in enumerate(self._channels):
+            self._run_range(move, colour)
+            channels.start(xy)
+            channels.finish(xy)
 
 
 class _Channels:
@@ -292,6 +460,15 @@ class _Channels:
         """Free the requests."""
         for request in (*self._receive, *self._send):
             request.Free()
+
+
+def _give_back(every: list[_Channels]) -> None:
+    """Free what MPI holds, where that is still there."""
+    from mpi4py import MPI
+
+    if not MPI.Is_finalized():
+        for channels in every:
+            channels.close()
 
 
 def _by_rank(

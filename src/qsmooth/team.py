@@ -80,6 +80,12 @@ class Team:
             row.Free()
         return out  # type: ignore[no-any-return]
 
+    def either(self, marks: npt.NDArray[np.bool_]) -> None:
+        """Mark what any rank has marked, in place."""
+        from mpi4py import MPI
+
+        self.comm.Allreduce(MPI.IN_PLACE, [marks.view(np.uint8), MPI.UINT8_T], MPI.BOR)
+
     def all_well(self, error: Exception | None) -> None:
         """Raise on every rank what one of them has met with, the first by rank; all must ask."""
         errors = [found for found in self.of_all(error) if found is not None]

@@ -373,6 +373,19 @@ class Topology:
         )
         return part
 
+    def run_of_cells(self, first: int, stop: int) -> Topology:
+        """Give the cells from one number up to another, with all vertices: to be measured."""
+        offsets, vertices = self.cells
+        part = object.__new__(Topology)
+        part.__dict__.update(
+            n_vertices=self.n_vertices,
+            n_cells=stop - first,
+            n_quads=int(offsets[stop] - offsets[first]) - 3 * (stop - first),
+            cell_offsets=read_only(offsets[first : stop + 1] - offsets[first]),
+            cell_vertices=vertices[offsets[first] : offsets[stop]],
+        )
+        return part
+
     def movable(self, keep_interfaces: bool = True) -> BoolArray:
         """Mark the vertices that may move, (n_vertices,)."""
         movable = ~self.is_fixed

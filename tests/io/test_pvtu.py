@@ -185,9 +185,7 @@ def test_from_the_shell(tmp_path, capsys):
 def test_merged_pieces_are_written_anew(tmp_path):
     left = jittered(4, 4)
     right = np.column_stack([left.points[:, 0].max() + left.points[:, 0], left.points[:, 1]])
-    apart = Mesh(
-        np.vstack([left.points, right]), [np.vstack([left.cells[0], left.cells[0] + 25])]
-    )
+    apart = Mesh(np.vstack([left.points, right]), [np.vstack([left.cells[0], left.cells[0] + 25])])
     write_mesh(tmp_path / "a.pvtu", apart, pieces=2)
     assert read_mesh(tmp_path / "a.pvtu").n_vertices == 50
     paths = [str(tmp_path / name) for name in ("a.pvtu", "b.pvtu")]

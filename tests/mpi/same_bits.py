@@ -13,8 +13,9 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 from mesh_parts import all_on_the_first, blocks_of_rows, cell_corners, part_of, round_robin
 
 import meshes
-from qsmooth import Mesh, Smoother, compare, engine, smooth, team, untangle
+from qsmooth import Mesh, Smoother, compare, engine, parts, smooth, team, untangle
 from qsmooth.examples import boundary_layer, bump, lake, structured, tangled
+from qsmooth.kernels.blocks import LANES
 from qsmooth.numbering import numbered
 from qsmooth.registry import methods
 
@@ -209,26 +210,88 @@ def ways_in():
     yield "time limit", len(set(alike)) == 1 and limited.sweeps < 10**6
 
 
+SESSIONS = [
+    ("mixed", "star", {}),
+    ("mixed", "optimize", {}),
+    ("mixed", "laplacian", {}),
+    ("mixed", "quad", {}),
+    ("mixed", "smart-laplacian", {}),
+    ("triangles", "aspect-ratio", {}),
+    ("triangles", "angle", {}),
+    ("tangled", "optimize", {}),
+    ("tangled", "star", {}),
+    ("layer", "optimize", {}),
+    ("scattered", "optimize", {}),
+    ("depth", "star", {}),
+    ("quads", "star", {"split_quads": "shorter"}),
+    ("quads", "star", {"boundary": "slide"}),
+    ("quads", "star", {"max_move_share": 0.3}),
+    ("lake", "optimize", {"boundary": "slide"}),
+    ("regions", "optimize", {"interfaces": "slide"}),
+    ("regions", "optimize", {"hold": "aspect_ratio"}),
+    ("regions", "optimize", {"worst": False, "selection": "region == 1"}),
+]
+
+
+def shaken(mesh, n_steps, amount=0.15):
+    """Where the host has the vertices, step after step: some small, some that break cells."""
+    rng = np.random.default_rng(7)
+    edges = mesh.points[mesh.cells[0][:, 0], :2] - mesh.points[mesh.cells[0][:, 1], :2]
+    length = float(np.median(np.hypot(*edges.T)))
+    for k in range(n_steps):
+        moves = np.zeros(mesh.points.shape)
+        few = rng.choice(mesh.n_vertices, mesh.n_vertices // 10, replace=False)
+        moves[few, :2] = rng.normal(0, amount * length * (1 + k % 3), (few.size, 2))
+        moves[mesh.is_boundary, 0] = 0.02 * length
+        yield moves
+
+
 def sessions():
-    for method in ("star", "optimize", "laplacian"):
-        mesh = MESHES["mixed"]()
-        shakes = [np.random.default_rng(k).normal(0, 1e-3, mesh.points.shape) for k in range(4)]
-        for partition in (None, blocks_of_rows, round_robin, all_on_the_first):
+    for name, method, options in SESSIONS:
+        mesh = MESHES[name]()
+        few = name == "mixed" and method != "quad"
+        every = (blocks_of_rows, round_robin, all_on_the_first) if few else (round_robin,)
+        for partition in (None, *(() if name == "depth" else every)):
             part = None if partition is None else part_of(mesh, partition(mesh, comm.size), comm)
-            alone = Smoother(mesh, method)
+            alone = Smoother(mesh, method, **options)
             if part is None:
-                together, rows = Smoother(on_first(mesh), method, comm=comm), slice(None)
+                together, rows = Smoother(on_first(mesh), method, comm=comm, **options), slice(None)
             else:
-                together, rows = Smoother(part, method), part.vertex_ids
+                together, rows = Smoother(part, method, **options), part.vertex_ids
             points, good = mesh.points.copy(), True
-            for shake in shakes:
-                points = points + shake
+            for moves in shaken(mesh, 5):
+                points = points + moves
                 mine = points[rows].copy() if part is not None or comm.rank == 0 else None
                 record, own = alone.step(points), together.step(mine)
                 good &= record == own and (mine is None or np.array_equal(mine, points[rows]))
             mine = points[rows] if part is not None or comm.rank == 0 else None
             good &= np.array_equal(alone(points).points[rows], together(mine).points)
-            yield f"{method} {partition}", bool(comm.allreduce(good, MPI.MIN))
+            how = "whole" if partition is None else partition.__name__
+            yield f"{name} {method} {options} {how}", bool(comm.allreduce(good, MPI.MIN))
+
+
+def steps_are_divided():
+    """Each rank sweeps about its share of the vertices in a step, not all of them."""
+    mesh, swept = structured(90, 90), []
+    moved = mesh.points + np.random.default_rng(1).normal(0, 2e-3, mesh.points.shape)
+    usual = parts.Steps.sweep
+
+    def counted(self, move, n_colours, xy):
+        before = xy.copy()
+        for colour in range(n_colours):
+            self._run_range(move, colour)
+        swept.append(int((xy != before).any(axis=1).sum()))
+        xy[:] = before
+        usual(self, move, n_colours, xy)
+
+    parts.Steps.sweep = counted
+    for method in ("star", "optimize"):
+        swept.clear()
+        Smoother(on_first(mesh), method, comm=comm).step(moved.copy())
+        share = mesh.topology.schedule().vertices.size / comm.size
+        fair = bool(swept) and max(swept) < 1.1 * share + 6 * LANES
+        yield method, comm.size == 1 or bool(comm.allreduce(fair, MPI.MIN))
+    parts.Steps.sweep = usual
 
 
 def traffic():
@@ -267,7 +330,15 @@ def traffic():
     team.Team = usual
 
 
-GROUPS = (every_method, every_option, every_partition, ways_in, sessions, traffic)
+GROUPS = (
+    every_method,
+    every_option,
+    every_partition,
+    ways_in,
+    sessions,
+    steps_are_divided,
+    traffic,
+)
 
 if __name__ == "__main__":
     found = {}

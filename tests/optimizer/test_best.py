@@ -8,7 +8,8 @@ import pytest
 from meshes import random_mesh
 from qsmooth import Optimize, quality
 from qsmooth.engine import threads_for
-from qsmooth.optimizer.best import LEAST_GAIN, MOST_RESIZED, Best, Figures
+from qsmooth.optimizer.best import MOST_RESIZED, Best
+from qsmooth.optimizer.figures import LEAST_GAIN, Figures
 from qsmooth.optimizer.lanes import Lanes
 from qsmooth.optimizer.progress import Progress
 from qsmooth.targets import ideal
@@ -68,7 +69,7 @@ def test_figures_are_those_of_quality():
     assert found.plain_shape == pytest.approx(own.shape.mean(), rel=1e-12)
     assert found.least_shape == pytest.approx(own.shape.min(), rel=1e-12)
     assert found.low_angle == pytest.approx(np.percentile(own.min_angle, 1.0), rel=1e-12)
-    high = lanes.look(mesh.xy).quality.high_angle(99.0)
+    high = lanes.look(mesh.xy).high_angle(99.0)
     assert high == pytest.approx(np.percentile(own.max_angle, 99.0), rel=1e-12)
     assert found.free_jacobian >= own.scaled_jacobian.min() * (1.0 - 1e-12)
     assert (found.n_invalid, found.resized) == (0, 0.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from enum import IntEnum
 from functools import cached_property
 from typing import Any
@@ -83,10 +83,9 @@ class Quality:
         self.points = xy if points is None else points
         self._values: dict[str, FloatArray] = {}
         self._figures: dict[str, FloatArray] = {}
-        # Extreme angles, and the smallest of each cell, in the measure of `kernels.cell_lanes`; and
-        # how many cells are not valid, or not so beyond rounding: as far as they are known.
+        # Extreme angles, in the measure of `kernels.cell_lanes`; and how many cells are not valid,
+        # or not so beyond rounding: as far as they are known.
         self._extremes: tuple[float, float] | None = None
-        self._diamonds: tuple[FloatArray, FloatArray] | None = None
         self._doubtful: int | None = None
 
     def __repr__(self) -> str:
@@ -170,7 +169,7 @@ class Quality:
         """Smallest and largest angle of the mesh, degrees; quicker than by way of all cells'."""
         if self._extremes is None:
             self._glance()
-        low, high = _in_degrees(self._extremes)
+        low, high = in_degrees(self._extremes)
         return low, high
 
     @cached_property
@@ -187,39 +186,15 @@ class Quality:
 
     def low_angle(self, percent: float) -> float:
         """Percentile of the cells' smallest angles, degrees."""
-        return self._percentile(0, percent)
+        return percentile(self.angles[0], percent)
 
     def high_angle(self, percent: float) -> float:
         """Percentile of the cells' largest angles, degrees."""
-        return self._percentile(1, percent)
+        return percentile(self.angles[1], percent)
 
-    def _percentile(self, which: int, percent: float) -> float:
-        angles = self.angles[which] if self._diamonds is None else self._diamonds[which]
-        place = percent / 100.0 * (angles.size - 1)
-        at = min(int(place), max(angles.size - 2, 0))
-        ends = [at, min(at + 1, angles.size - 1)]
-        low, high = np.partition(angles, ends)[ends].tolist()
-        if self._diamonds is not None:
-            low, high = _in_degrees([low, high])
-        return float(low + (place - at) * (high - low))
-
-    def know(
-        self,
-        *,
-        shape: FloatArray,
-        area: FloatArray,
-        diamonds: tuple[FloatArray, FloatArray],
-        valid: bool,
-    ) -> None:
-        """Take what is measured already, and whether all cells are valid; False when unsure.
-
-        Diamonds are smallest and largest angles in the measure of `kernels.cell_lanes`.
-        """
-        self._figures.update(shape=read_only(shape), area=read_only(area))
-        self._diamonds = diamonds
-        self._extremes = float(diamonds[0].min()), float(diamonds[1].max())
-        if valid:
-            self._doubtful = 0
+    def know_valid(self) -> None:
+        """Take all cells to be valid, which is known already."""
+        self._doubtful = 0
 
     @property
     def _all_valid(self) -> bool:
@@ -374,7 +349,19 @@ def quality(mesh: Any, *, surface: Surface = "auto", geographic: bool | None = N
     return found
 
 
-def _in_degrees(diamonds: Sequence[float] | None) -> list[float]:
+def percentile(
+    values: FloatArray, percent: float, unit: Callable[[list[float]], list[float]] = list
+) -> float:
+    """Percentile of values, between the two next to it in the unit that these are turned into."""
+    place = percent / 100.0 * (values.size - 1)
+    at = min(int(place), max(values.size - 2, 0))
+    ends = [at, min(at + 1, values.size - 1)]
+    low, high = unit(np.partition(values, ends)[ends].tolist())
+    return float(low + (place - at) * (high - low))
+
+
+def in_degrees(diamonds: Sequence[float] | None) -> list[float]:
+    """Give angles in the measure of `kernels.cell_lanes` in degrees."""
     from qsmooth.kernels.cell_lanes import in_degrees
 
     out = np.array(diamonds)

@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-
-import numpy as np
 
 from qsmooth._types import FloatArray
-from qsmooth.metrics import Quality
+from qsmooth.optimizer.figures import LEAST_GAIN, Figures
 from qsmooth.optimizer.lanes import Lanes
 from qsmooth.optimizer.progress import Progress
 from qsmooth.outcome import Forbidden
-from qsmooth.sums import exact_mean
 
-# A result that is better by less than this in every figure is not worth moving a vertex for.
-LEAST_GAIN = 1e-3
 # So near a sine of one the worst corner has nothing to gain: a quarter of a degree off.
 AT_LIMIT = 1e-5
 # A better worst corner that the allowed loss of the mean forbids is told of from this gain on.
@@ -24,74 +18,8 @@ LEAST_FORBIDDEN = 1e-2
 MEAN_LOSS = 0.1
 # What the worst cells may cost the sizes: by so much may the mean of γ |log τ| grow.
 MOST_RESIZED = 0.06
-# Areas count as this multiple of their target at least.
-TINY = 1e-6
-# The percentile that low angles stand for; how much they and the worst shape count beside the mean.
-LOW, LOW_COUNTS, SHAPE_COUNTS = 1.0, 0.3, 0.1
-# The same of high angles, by what they fall short of 180 degrees.
+# The percentile that high angles stand for; how much they count, by what they lack to 180 degrees.
 HIGH, HIGH_COUNTS = 99.0, 0.3
-
-
-@dataclass(frozen=True)
-class Figures:
-    """What coordinates are judged by.
-
-    Attributes
-    ----------
-    free_jacobian
-        Smallest scaled Jacobian of the corners that can change, 0 where one is not positive; cells
-        that nothing can be done for left out.
-    shape
-        Mean over the cells of one over the worst corner's energy towards its target.
-    plain_shape
-        The same towards squares and equilateral triangles.
-    n_invalid
-        Cells that are not valid.
-    least_shape
-        One over the energy of the worst of all corners towards its target.
-    low_angle
-        1st percentile of the cells' smallest angle, in degrees.
-    resized
-        Mean over the cells of γ |log τ|, τ the area over its target, γ how much that counts.
-    energy
-        Mean energy of the cells towards their targets, size included.
-    """
-
-    free_jacobian: float
-    shape: float
-    plain_shape: float
-    n_invalid: int
-    least_shape: float
-    low_angle: float
-    resized: float
-    energy: float
-
-    @property
-    def overall(self) -> float:
-        """What counts where the worst corners are held: the mean, low angles, the worst shape."""
-        return float(self.shape * self.lowest)
-
-    @property
-    def lowest(self) -> float:
-        """Low angles and the worst shape."""
-        return float(self.low_angle**LOW_COUNTS * self.least_shape**SHAPE_COUNTS)
-
-    @property
-    def worst_of_all(self) -> float:
-        """What counts where a better worst corner costs the worst shape."""
-        return self.free_jacobian * self.least_shape
-
-    def better(self, other: Figures) -> bool:
-        """Whether the worst corner is better, or about as good with a better mean."""
-        gain = self.free_jacobian - other.free_jacobian
-        return gain > LEAST_GAIN or (gain > -LEAST_GAIN and self.shape > other.shape)
-
-    def gain(self, other: Figures) -> float:
-        """Largest gain over the other: of the worst corner, the mean, or what else counts."""
-        gains = [self.free_jacobian - other.free_jacobian, self.shape - other.shape]
-        if other.lowest > 0.0:
-            gains.append(self.lowest / other.lowest - 1.0)
-        return max(gains)
 
 
 class Best:
@@ -207,12 +135,12 @@ class Best:
 
     def _room(self, xy: FloatArray) -> float:
         """What high angles count for."""
-        return float((180.0 - self.lanes.look(xy).quality.high_angle(HIGH)) ** HIGH_COUNTS)
+        return float((180.0 - self.lanes.look(xy).high_angle(HIGH)) ** HIGH_COUNTS)
 
     def _see(self, xy: FloatArray) -> Figures:
         """Measure coordinates that are offered, and note the round."""
         self.last = self.measure(xy)
-        self.lanes.report(xy, self.lanes.look(xy).quality, self.progress)
+        self.lanes.report(xy, self.lanes.look(xy).glance, self.progress)
         self.best_shape = max(self.best_shape, self.last.shape)
         return self.last
 
@@ -292,25 +220,4 @@ class Best:
 
     def measure(self, xy: FloatArray) -> Figures:
         """Measure coordinates, (n, 2)."""
-        look = self.lanes.look(xy)
-        quality, (badness, energy) = look.quality, self.lanes.counted(look)
-        shape = 1.0 / look.worst_shape
-        return Figures(
-            free_jacobian=1.0 / float(badness.max(initial=1.0)),
-            shape=exact_mean(shape),
-            least_shape=float(shape.min()),
-            low_angle=quality.low_angle(LOW),
-            energy=exact_mean(energy),
-            plain_shape=exact_mean(quality.shape),
-            n_invalid=quality.n_invalid,
-            resized=self._resized(quality),
-        )
-
-    def _resized(self, quality: Quality) -> float:
-        inv_area, weight = self.lanes.sizes.T
-        if not weight.any():
-            return 0.0
-        # Twice the area of a triangle, as the targets are.
-        twice = np.where(self.lanes.topology.cell_sizes == 3, 2.0, 1.0)
-        tau = np.where(weight > 0.0, twice * quality.area * inv_area, 1.0)
-        return exact_mean(weight * np.abs(np.log(np.maximum(tau, TINY))))
+        return self.lanes.figures(xy)

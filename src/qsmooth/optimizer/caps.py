@@ -11,6 +11,7 @@ import numpy as np
 from qsmooth._types import BoolArray, FloatArray, IndexArray
 from qsmooth.metrics import Quality, Validity
 from qsmooth.metrics.impossible import doublet_vertices
+from qsmooth.parts import Alone, Run
 from qsmooth.topology import Topology
 
 # What can be held besides the angles and the scaled Jacobian: its worst in the mesh.
@@ -37,6 +38,8 @@ class Caps:
     ----------
     topology, movable
         Of the mesh: which vertices may move, (n,).
+    part
+        Who looks at which cells; all processes ask for the same.
 
     Attributes
     ----------
@@ -47,8 +50,8 @@ class Caps:
         Cells with a movable vertex that set no cap.
     """
 
-    def __init__(self, topology: Topology, movable: BoolArray) -> None:
-        self.topology, self._movable = topology, movable
+    def __init__(self, topology: Topology, movable: BoolArray, part: Alone | None = None) -> None:
+        self.topology, self._movable, self._part = topology, movable, part or Alone()
         self.swept = np.tile(FREE[:ALWAYS], (topology.n_vertices, 1))
         self.lost = np.zeros(topology.n_cells, np.bool_)
         self._strict: FloatArray | None = None
@@ -60,13 +63,18 @@ class Caps:
         """
         from qsmooth.kernels.held_figures import worst_of_regions
 
-        of_vertices, of_cells = self.regions
-        self.lost = (of_cells >= 0) & self._set_none(xy)
-        counts = (of_cells >= 0) & ~self.lost
+        (of_vertices, of_cells), part = self.regions, self._part
+        run = part.run_of(self.topology)
+        of_run = of_cells[run.cells]
+        lost = (of_run >= 0) & self._set_none(xy, run)
+        self.lost = part.of_cells(lost, self.topology)
         worst = np.tile(
             np.where(SMALLER, -np.inf, np.inf), (int(of_vertices.max(initial=-1)) + 2, 1)
         )
-        worst_of_regions(self.figures(xy), np.where(counts, of_cells, -1), SMALLER, worst)
+        of_run = np.where(lost, -1, of_run)
+        worst_of_regions(self.figures(xy, run.topology), of_run, SMALLER, worst)
+        of_parts = np.array(part.of_all(worst))
+        worst = np.where(SMALLER, of_parts.max(axis=0), of_parts.min(axis=0))
         # The last row is of what is in no region. A region may have none but lost cells.
         worst[~np.isfinite(worst[:, 0])] = FREE
         for k, name in enumerate(HELD):
@@ -74,7 +82,10 @@ class Caps:
                 worst[:, k] = FREE[k]
         self._worst, self._strict = worst, with_slack(worst, 0.5)
         n_columns = len(HELD) if also else ALWAYS
-        self.swept = np.ascontiguousarray(with_slack(worst, 1.0)[:, :n_columns])[of_vertices]
+        caps = np.ascontiguousarray(with_slack(worst, 1.0)[:, :n_columns])
+        if self.swept.shape[1] != n_columns:
+            self.swept = np.empty((of_vertices.size, n_columns))
+        np.take(caps, of_vertices, axis=0, out=self.swept, mode="wrap")
 
     @property
     def held(self) -> FloatArray:
@@ -132,25 +143,32 @@ class Caps:
         n_cells, regions = self.lost.size, self.regions[1]
         bad = np.zeros(n_cells, np.bool_)
         if self._strict is not None:
-            beyond_held(xy, *self.topology.cells, self._movable, self._strict, regions, bad)
+            run = self._part.run_of(self.topology)
+            own = bad[run.cells]
+            of_run = regions[run.cells]
+            beyond_held(xy, *run.topology.cells, self._movable, self._strict, of_run, own)
+            bad = self._part.of_cells(own, self.topology)
         if quality.n_invalid:
             bad |= (quality.validity != Validity.VALID) & (regions >= 0)
         return np.asarray(bad & ~self.lost)
 
-    def figures(self, xy: FloatArray) -> FloatArray:
-        """Measure what can be held of each cell, (n_cells, 6)."""
+    def figures(self, xy: FloatArray, cells: Topology | None = None) -> FloatArray:
+        """Measure what can be held of each cell, or of some, (n_cells, 6)."""
         from qsmooth.kernels.held_figures import held_figures
 
-        out = np.empty((self.topology.n_cells, len(FREE)))
-        held_figures(xy, *self.topology.cells, self._movable, out)
+        cells = cells or self.topology
+        out = np.empty((cells.n_cells, len(FREE)))
+        held_figures(xy, *cells.cells, self._movable, out)
         return out
 
-    def _set_none(self, xy: FloatArray) -> BoolArray:
+    def _set_none(self, xy: FloatArray, run: Run) -> BoolArray:
         """Mark the cells that are not valid, and those of doublets: one of the two never is."""
-        lost = Quality(self.topology, xy).validity != Validity.VALID
+        if not run.topology.n_cells:
+            return np.zeros(0, np.bool_)
+        lost = Quality(run.topology, xy).validity != Validity.VALID
         doublets = doublet_vertices(self.topology)
         if doublets.any():
-            offsets, vertices = self.topology.cells
+            offsets, vertices = run.topology.cells
             lost |= np.logical_or.reduceat(doublets[vertices], offsets[:-1])
         return np.asarray(lost)
 

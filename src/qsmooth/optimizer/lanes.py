@@ -15,14 +15,13 @@ from qsmooth.kernels.rails import FREE as ANYWHERE
 from qsmooth.kernels.rails import Rails
 from qsmooth.kernels.stars import Moves, Rings, Stars
 from qsmooth.metrics import Quality
-from qsmooth.optimizer.caps import ALWAYS, FREE, Caps
+from qsmooth.optimizer.caps import ALWAYS, FREE
 from qsmooth.optimizer.extrapolation import Extrapolation
-from qsmooth.optimizer.look import Look
+from qsmooth.optimizer.measuring import Measured
 from qsmooth.optimizer.progress import ROUND, Progress
-from qsmooth.parts import moved_by
+from qsmooth.parts import Glance, moved_by
 from qsmooth.sliding import RELAXATION, Demand, Slider
-from qsmooth.sums import exact_sum
-from qsmooth.targets import Targets, beside_others, ideal_corners
+from qsmooth.targets import Targets, beside_others, is_ideal
 from qsmooth.topology import Topology
 
 if TYPE_CHECKING:
@@ -47,7 +46,7 @@ NO_CORNERS = np.empty(0, np.int64)
 PUT_BACK = 12
 
 
-class Lanes:
+class Lanes(Measured):
     """Sweeps over the movable vertices, and measures that only what can move counts in.
 
     All but untangling wants to know first what cells are meant to be (`aim_at`).
@@ -72,24 +71,23 @@ class Lanes:
         rails: Rails = ANYWHERE,
         slider: Slider | None = None,
     ) -> None:
-        self.topology, self.stars, self._engine, self.rails = topology, stars, engine, rails
-        self.movable = np.zeros(topology.n_vertices, np.bool_)
-        self.movable[stars.vertices] = True
-        self.n_colours = stars.colour_offsets.size - 1
-        self._part = engine.part(topology, stars)
-        self._slider, n_free = slider, self._part.stars.vertices.size
+        movable = np.zeros(topology.n_vertices, np.bool_)
+        movable[stars.vertices] = True
         # What sliding vertices alone change is not judged: where the outline is bent its angles are
         # as good as given, and would be the worst of all. Unless there is nothing else.
-        self._judged = self.movable
+        judged = movable
         if slider is not None:
-            self.movable = self.movable | slider.mask
+            movable = movable | slider.mask
             if not stars.vertices.size:
-                self._judged = self.movable
+                judged = movable
+        super().__init__(topology, movable, judged, engine.part(topology, stars))
+        self.stars, self._engine, self.rails = stars, engine, rails
+        self.n_colours = stars.colour_offsets.size - 1
+        self._slider, n_free = slider, self._part.stars.vertices.size
         n_slides = 0 if slider is None else slider.vertices.size
         self._moves = Moves(np.zeros(n_free), np.zeros(n_free))
         self._slides = Moves(np.zeros(n_slides), np.zeros(n_slides))
         self._shortest = np.empty(n_free)
-        self._look: Look | None = None
 
     @property
     def vertices(self) -> IndexArray:
@@ -162,26 +160,12 @@ class Lanes:
     def _is_ideal(self) -> bool:
         """Whether the present targets are squares and equilateral triangles."""
         own = self.targets
-        return own.kind == "ideal" and np.array_equal(own.corners, ideal_corners(self.topology))
-
-    def quality(self, xy: FloatArray) -> Quality:
-        """Measure the mesh at these coordinates."""
-        return Quality(self.topology, xy)
+        return own.kind == "ideal" and is_ideal(own.corners, self.topology)
 
     @property
     def slides(self) -> bool:
         """Whether some of the vertices slide."""
         return self._slider is not None
-
-    @property
-    def sized(self) -> bool:
-        """Whether sizes count."""
-        return bool(self.sizes[:, 1].any())
-
-    @cached_property
-    def caps(self) -> Caps:
-        """What is held; nothing at first."""
-        return Caps(self.topology, self.movable)
 
     @cached_property
     def _row_corners(self) -> IndexArray:
@@ -259,22 +243,18 @@ class Lanes:
         """Sum up the energy that sweeps bring down, the same in any order; lost cells have none."""
         from qsmooth.kernels.cell_energy import cell_heights
 
-        look, (_, slim, weight), lost = self.look(xy), self._asked, self.caps.lost
-        n_terms = np.where(self.topology.cell_sizes == 3, 1.0, 4.0)
+        own, run = self.look(xy).own, self._part.run_of(self.topology)
+        slim, weight = (asked[run.cells] for asked in self._asked[1:])
+        n_terms = np.where(run.topology.cell_sizes == 3, 1.0, 4.0)
+        lost = self.caps.lost[run.cells]
         weights = np.where(lost, -1.0, wall.mean_weight * n_terms * weight)
         height = np.empty(weights.size)
-        scale = self._near / wall.threshold
+        scale = self._near[run.cells] / wall.threshold
+        assert self._is_near_whole, "another rank's walls count, too"
         cell_heights(
-            look.energy,
-            look.worst_shape,
-            look.badness,
-            weights,
-            slim,
-            scale,
-            wall.squarings,
-            height,
+            own.energy, own.worst_shape, own.badness, weights, slim, scale, wall.squarings, height
         )
-        return exact_sum(height)
+        return self._part.exact_sum(height)
 
     def shortest_edges(self, xy: FloatArray) -> FloatArray:
         """Measure the shortest edge of each movable vertex, (n_movable,), in block order."""
@@ -323,10 +303,6 @@ class Lanes:
             xy, blocks, colours, RELAXATION, wall, held, rows, maps, lengths
         )
 
-    def run(self, sweep: Callable[[tuple[int, int]], None]) -> None:
-        """Sweep once."""
-        self._engine.run(sweep, self.n_colours)
-
     def try_colour(
         self, xy: FloatArray, colour: int, wall: Wall, held: FloatArray
     ) -> tuple[IndexArray, BoolArray]:
@@ -340,7 +316,7 @@ class Lanes:
         lengths, of_vertices = np.zeros(self._blocks.vertices.size), np.empty(len(xy))
         self._part.sweep_one(self.sweep(xy, wall, held, lengths), colour)
         of_vertices[self._blocks.vertices] = lengths
-        self._part.complete(xy, of_vertices)
+        self._part.complete(xy, of_vertices, colour=colour)
         vertices = self.stars.vertices[slice(*self.stars.colour_offsets[colour : colour + 2])]
         return vertices.astype(np.int64), of_vertices[vertices] > 0.0
 
@@ -352,8 +328,8 @@ class Lanes:
         lengths, wall = np.empty_like(self._moves.lengths), Wall(1.0, np.inf, 1)
         self._part.sweep(self.sweep(trial, wall, held, lengths), self._part.n_colours, trial)
         self._part.complete(trial)
-        before = exact_sum(self.energy(xy)[1])
-        return 1.0 - exact_sum(self.energy(trial)[1]) / before
+        before = self._part.exact_sum(self.own_energy(xy)[1])
+        return 1.0 - self._part.exact_sum(self.own_energy(trial)[1]) / before
 
     def aim_at(self, targets: Targets) -> None:
         """Ask each cell for this shape and size from now on; takes walls on shape down."""
@@ -392,10 +368,17 @@ class Lanes:
         """Let each cell's wall on badness stand by the worst of so many rings around it."""
         from qsmooth.kernels.cell_energy import worst_around
 
-        badness = self.energy(xy)[0]
+        badness = self.own_energy(xy)[0]
         worst = np.maximum(np.where(np.isfinite(badness), badness, 1.0), 1.0)
-        worst = worst_around(worst, rings, *self.topology.cells, self.topology.n_vertices)
-        self._near = 1.0 / worst
+        worst = self._part.of_cells(worst, self.topology)
+        chosen, topology = None, self.topology
+        if self._slider is None:
+            chosen, topology = self._part.near(topology, rings)
+        worst = worst if chosen is None else worst[chosen]
+        worst = worst_around(worst, rings, *topology.cells, topology.n_vertices)
+        self._near = np.ones(self.topology.n_cells)
+        self._near[slice(None) if chosen is None else chosen] = 1.0 / worst
+        self._is_near_whole = chosen is None
         self._rows = self._rows._replace(near=self._near[self._blocks.cells])
         if self._slider is not None:
             self._asked_of_slides = self._slider.near(self._asked_of_slides, self._near)
@@ -415,19 +398,9 @@ class Lanes:
         """Let this be asked of the cells around each vertex."""
         weight = np.ones(slim.size) if weight is None else weight
         self._asked, self._near = (size_weight, slim, weight), np.ones(slim.size)
+        self._is_near_whole = True
         self.__dict__.pop("_rows", None)
         self.__dict__.pop("_asked_of_slides", None)
-
-    def look(self, xy: FloatArray) -> Look:
-        """Measure the cells at these coordinates; the last look is kept, and used again."""
-        if self._look is None or not self._look.is_of(xy):
-            self._look = None  # it is as large as the next one
-            self._look = Look(self.topology, xy, self._judged, self.targets, self.sizes, self.maps)
-        return self._look
-
-    def worst_shape(self, xy: FloatArray) -> FloatArray:
-        """Largest shape energy of each cell's corners towards their targets, (n_cells,)."""
-        return self.look(xy).worst_shape
 
     def untangle(self, xy: FloatArray, sizes: FloatArray, epsilon: float) -> None:
         """Sweep once downhill on the regularised energy; sizes are squared lengths, (n,)."""
@@ -477,7 +450,7 @@ class Lanes:
         of_vertices[listed] = lengths
         self._moves.lengths[:] = of_vertices[self._blocks.vertices]
 
-    def report(self, xy: FloatArray, now: Quality, progress: Progress) -> None:
+    def report(self, xy: FloatArray, now: Quality | Glance, progress: Progress) -> None:
         """Note the last sweep in the history."""
         lengths, shares = self._moves
         shares[:] = 0.0
@@ -485,17 +458,3 @@ class Lanes:
         if self._slider is not None:
             self._slider.shares(xy, *self._slides)
         progress.note(now, self._part.moved(*self._moves).together(moved_by(*self._slides)))
-
-    def energy(self, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Largest badness and mean shape energy of each cell, (n_cells,).
-
-        Cells that nothing can be done for (`Caps.lost`) have none.
-        """
-        return self.counted(self.look(xy))
-
-    def counted(self, look: Look) -> tuple[FloatArray, FloatArray]:
-        """Give the badness and energy of cells that something can be done for, as in `energy`."""
-        lost = self.caps.lost
-        if not lost.any():
-            return look.badness, look.energy
-        return np.where(lost, 0.0, look.badness), np.where(lost, 0.0, look.energy)

@@ -18,7 +18,8 @@ from qsmooth.methods.driver import invalid_cells, stored
 from qsmooth.metrics import Quality
 from qsmooth.metrics.bounds import angle_limits
 from qsmooth.numbering import Inside
-from qsmooth.optimizer.best import LEAST_GAIN, MEAN_LOSS, Best
+from qsmooth.optimizer.best import MEAN_LOSS, Best
+from qsmooth.optimizer.figures import LEAST_GAIN
 from qsmooth.optimizer.ground import Ground, Meant, targets_inside
 from qsmooth.optimizer.judgement import judged
 from qsmooth.optimizer.lanes import Lanes
@@ -309,8 +310,9 @@ class Optimize(_Staged):
         if progress.stop is not None or best.good_enough() or self._nothing_to_gain(lanes, best):
             return ()
         lanes.caps.hold(start, self.hold, angles=not self.by_metric)
-        worst = lanes.energy(best.xy)[0].max(initial=1.0)
-        threshold = LAST_WALL * float(worst) if self.worst else np.inf
+        threshold = (
+            LAST_WALL * lanes.largest_badness(best.xy, finite=False) if self.worst else np.inf
+        )
         held = kept_from_better(lanes, best.xy, Wall(1.0, threshold, 6))
         if not held and np.array_equal(best.xy, start):
             # Nothing has moved at all: then what keeps the mean from getting better is the reason.

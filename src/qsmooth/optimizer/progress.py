@@ -10,7 +10,7 @@ from qsmooth.methods.driver import gain, record, record_of
 from qsmooth.methods.watching import Watch
 from qsmooth.metrics import Quality
 from qsmooth.outcome import Aim, Stage, Stop
-from qsmooth.parts import Moved
+from qsmooth.parts import Glance, Moved
 from qsmooth.result import SweepRecord
 
 # Sweeps between two looks at the mesh.
@@ -58,7 +58,7 @@ class Progress:
         """Sweeps of the next round."""
         return min(ROUND, self._options.max_sweeps - self.sweeps)
 
-    def note(self, now: Quality, moved: Moved) -> None:
+    def note(self, now: Quality | Glance, moved: Moved) -> None:
         """Put a round into the history, and tell the caller."""
         self.history.append(record(now, moved))
         self.watch.tell(self.history[-1])

@@ -8,8 +8,11 @@ import numpy as np
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray
 from qsmooth.checks import LARGEST_COORDINATE
+from qsmooth.engine import Engine
+from qsmooth.kernels.stars import Stars
 from qsmooth.metrics.impossible import doublet_vertices
 from qsmooth.optimizer.caps import ALWAYS, FREE, Caps, with_slack
+from qsmooth.parts import Alone, Part
 from qsmooth.topology import Topology
 
 if TYPE_CHECKING:
@@ -259,6 +262,8 @@ class Resting:
         self._touched, self.low = np.zeros(n_blocks, np.bool_), np.zeros(n_blocks, np.bool_)
         self.changed = np.empty(topology.n_vertices, np.bool_)
         self.xy = np.full((topology.n_vertices, 2), np.nan)
+        self._part = Alone()
+        self._own: BoolArray | None = None
         self._movable, self._trial = movable, np.empty((topology.n_vertices, 2))
         self._not_host = movable if slides is None else movable.copy()
         self.left, self.moves = np.full_like(self.xy, np.nan), np.full_like(self.xy, np.nan)
@@ -274,6 +279,12 @@ class Resting:
         table[n_free:, ROWS] += np.uint64(n_rows)
         found: Csr = block_neighbours(table, cells, *self._topology.cells, self._block_of)
         return found
+
+    def divide(self, engine: Engine, stars: Stars) -> Part:
+        """Give who sweeps which of the blocks that do not slide; it is asked at each sweep."""
+        self._part = part = engine.steps(self._topology, stars, self._block_of)
+        self._own = part.own_blocks
+        return part
 
     def take_in(self, given: FloatArray, dirty: BoolArray) -> bool:
         """Go to other coordinates, and wake what is around those that differ.
@@ -361,12 +372,23 @@ class Resting:
         for part in self._parts:
             part.mark_low(sines, limits, self.awake, self.low)
 
-    def select(self, low: bool) -> int:
-        """Select the awake blocks that are marked low, or those that are not; count them."""
-        return self._free.select(self.awake, self.low, low)
+    def select(self, low: bool) -> bool:
+        """Select the awake blocks that are marked low, or those that are not; is there any?
+
+        Of several processes each selects its own.
+        """
+        if self._own is None:
+            return self._free.select(self.awake, self.low, low) > 0
+        n_free = self._own.size
+        wanted = self.awake[:n_free] & (self.low[:n_free] == low)
+        self._free.select(wanted & self._own, self.low, low)
+        return bool(wanted.any())
 
     def slides(self, low: bool) -> Blocks | None:
-        """Select the same of the vertices that slide; None where there is none."""
+        """Select the same of the vertices that slide; None where there is none.
+
+        All processes sweep all of them.
+        """
         part = self._slides
         if part is None or not part.select(self.awake, self.low, low):
             return None
@@ -381,11 +403,14 @@ class Resting:
 
     def end_sweep(self) -> None:
         """From now on those are awake that this sweep has woken."""
+        self._part.either(self._next)
         self.awake, self._next = self._next, self.awake
         self._next[:] = False
 
     def mark_changed(self, dirty: BoolArray) -> None:
         """Mark the chunks of the cells that have moved since this was last asked."""
+        self._part.complete(self.xy)
+        self._part.either(self._touched)
         for part in self._parts:
             part.mark_changed(self._touched, dirty)
 

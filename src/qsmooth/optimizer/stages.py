@@ -14,7 +14,6 @@ from qsmooth.optimizer.caps import HOLDABLE
 from qsmooth.optimizer.global_newton import GlobalNewton
 from qsmooth.optimizer.lanes import Lanes
 from qsmooth.optimizer.progress import Progress
-from qsmooth.sums import exact_sum
 
 # An energy that fell by less than this fraction in a round has settled.
 SETTLED = 1e-5
@@ -82,14 +81,14 @@ def improve_mean(
     settled = MEAN_GAIN if worst else SETTLED
     no_wall, whole = Wall(1.0, np.inf, 1), _WholeMesh(lanes)
     energy, rounds = np.inf, 0
-    start = _total(lanes.energy(xy)[1])
+    start = lanes.total_energy(xy)
     best_shape, since, best_xy = 0.0, 0, xy.copy()
     creeping, stuck = False, False
     while not progress.spent() and not best.good_enough():
         stepped = (creeping or stuck) and whole.step(xy, progress)
         lanes.newton(xy, no_wall, progress, extrapolate=not stepped)
         rounds += 1
-        before, energy = energy, _total(lanes.energy(xy)[1])
+        before, energy = energy, lanes.total_energy(xy)
         gain = 1.0 - energy / before if before else 0.0
         if stepped and not whole.judge(xy, gain):
             energy = before
@@ -215,7 +214,7 @@ def _push(
     for squarings, share in walls:
         patience = most
         while patience and not (progress.spent() or best.good_enough() or best.at_limit()):
-            worst = _largest(lanes.energy(xy)[0])
+            worst = lanes.largest_badness(xy)
             wall = Wall(weight, share * worst, squarings)
             lanes.newton(xy, wall, progress, extrapolate=True)
             now = best.offer(xy)
@@ -280,11 +279,3 @@ def _ease(lanes: Lanes, xy: FloatArray, best: Best, progress: Progress) -> None:
         if not best.offer_eased(xy, floor, low):
             xy[:] = best.xy
             weight, patience = EASE_MORE * weight, patience - 1
-
-
-def _total(energy: FloatArray) -> float:
-    return exact_sum(energy[np.isfinite(energy)])
-
-
-def _largest(badness: FloatArray) -> float:
-    return float(badness[np.isfinite(badness)].max(initial=1.0))

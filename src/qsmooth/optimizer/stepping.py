@@ -10,7 +10,7 @@ import numpy as np
 
 from qsmooth._types import BoolArray, FloatArray, IndexArray, TableArray
 from qsmooth.constraints import Freedom
-from qsmooth.engine import threads_for
+from qsmooth.engine import engine_for
 from qsmooth.mesh import Mesh
 from qsmooth.methods.base import Method
 from qsmooth.methods.driver import Setting, SweepingMethod
@@ -84,7 +84,8 @@ class Stepper:
         layout = layout_of(method, mesh)
         freedom = layout.freedom.inside(self.inside)
         self._rails = freedom.rails()
-        self._engine = threads_for(method.threads, max(1, freedom.n_movable))
+        n_movable = max(1, freedom.n_movable)
+        self._engine = engine_for(method.threads, n_movable, self.inside, method.team)
         cut = method.cut(mesh) if isinstance(method, SweepingMethod) else mesh
         swept = self.inside if cut is mesh else Inside(cut, self.inside)
         self._slider: StepSlider | None = None
@@ -107,9 +108,9 @@ class Stepper:
         topology, rails = swept.topology, self._rails
         stars = topology.schedule_of(movable)
         if isinstance(method, Optimize) and self._meant is not None:
-            lanes = Lanes(topology, stars, self._engine, rails, slider)
+            lanes = Lanes(topology, stars, self._engine.alone, rails, slider)
             lanes.aim_at(targets_inside(self._meant, swept))
-            return Newton(method, lanes, movable, self.figures, slider)
+            return Newton(method, lanes, movable, self.figures, slider, self._engine)
         if not isinstance(method, SweepingMethod):
             return Idle(topology, stars, movable)
         cells = self._freedom.cells

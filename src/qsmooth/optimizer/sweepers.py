@@ -59,6 +59,8 @@ class Newton:
         Of the cells.
     slider
         The vertices that slide; None where none does.
+    engine
+        Who runs the sweeps.
     """
 
     def __init__(
@@ -68,10 +70,12 @@ class Newton:
         movable: BoolArray,
         figures: Figures,
         slider: Slider | None,
+        engine: Engine,
     ) -> None:
         self._method, self._lanes, self._figures = method, lanes, figures
         slides = None if slider is None else slider.blocks
         self.resting = Resting(lanes.topology, *lanes.tables, movable, slides)
+        self._part = self.resting.divide(engine, lanes.stars)
         self._held = np.tile(FREE[:ALWAYS], (lanes.topology.n_vertices, 1))
         self._lengths = np.zeros(lanes.stars.vertices.size)
         self._walls = method.worst and not method.by_metric
@@ -102,8 +106,10 @@ class Newton:
             if resting.select(low):
                 selected = resting.selected, resting.asks
                 sweep = lanes.sweep(resting.xy, wall, self._held, self._lengths, selected)
-                lanes.run(sweep)
+                self._part.sweep(sweep, lanes.n_colours, resting.xy)
                 resting.settle(self._lengths, REST)
+        if lanes.slides:
+            self._part.complete(resting.xy)
         for low, wall in walls:
             if (slides := resting.slides(low)) is not None:
                 lengths = lanes.slide(resting.xy, wall, self._held, slides)
@@ -141,7 +147,7 @@ class Plain:
         swept: Figures,
         figures: Figures,
     ) -> None:
-        self._method, self._setting, self._engine = method, setting, engine
+        self._method, self._setting = method, setting
         self._swept, self._figures = swept, figures
         blocks = setting.blocks
         n_movable = setting.stars.vertices.size
@@ -154,6 +160,9 @@ class Plain:
         if method.guards:
             setting.blocks = self.resting.selected
         self._sweep = method.start(setting)
+        # What moves all vertices at once is not divided: it asks for no blocks.
+        divided = method.guards and self._sweep.n_colours == setting.n_colours
+        self._part = self.resting.divide(engine if divided else engine.alone, setting.stars)
 
     def prepare(self) -> None:
         """Hold what the mesh has now."""
@@ -171,7 +180,9 @@ class Plain:
         sweep, resting, moves = self._sweep, self.resting, self._moves
         resting.select(False)
         sweep.prepare(resting.xy)
-        self._engine.run(lambda colours: sweep.move(resting.xy, colours, moves), sweep.n_colours)
+        self._part.sweep(
+            lambda colours: sweep.move(resting.xy, colours, moves), sweep.n_colours, resting.xy
+        )
         if self._method.guards:
             resting.settle(moves.lengths, self._method.rtol)
         elif moves.shares.max(initial=0.0) > self._method.rtol:
@@ -182,6 +193,8 @@ class Plain:
     def _slide(self) -> None:
         """Sweep over the vertices that slide."""
         slides, resting = self._setting.slides, self.resting
+        if slides is not None:
+            self._part.complete(resting.xy)
         if slides is not None and (selected := resting.slides(False)) is not None:
             slides.sweep(resting.xy, self._slid, selected)
             resting.settle(self._slid, self._method.rtol, slides=True)
@@ -191,6 +204,7 @@ class Plain:
         if self._method.guards and self._swept is self._figures:
             self.resting.mark_changed(self._figures.dirty)
         else:
+            self._part.complete(self.resting.xy)
             self._figures.dirty[:] = True
 
 

@@ -30,7 +30,7 @@ matrices.
 """
 
 from qsmooth.targets.algebra import EQUILATERAL, SQUARE
-from qsmooth.targets.base import Targets, beside_others, ideal, ideal_corners
+from qsmooth.targets.base import Targets, beside_others, ideal, ideal_corners, is_ideal
 from qsmooth.targets.given import Metric, from_metric, from_ratios, initial
 from qsmooth.targets.learned import candidates, learned
 from qsmooth.targets.sheets import Sheets
@@ -49,6 +49,7 @@ __all__ = [
     "ideal",
     "ideal_corners",
     "initial",
+    "is_ideal",
     "learned",
     "with_sizes",
     "without_sizes",

@@ -65,11 +65,18 @@ def beside_others(topology: Topology, chosen: BoolArray) -> BoolArray:
 
 def ideal_corners(topology: Topology) -> FloatArray:
     """Coefficients of squares and equilateral triangles at all corners: (n_corners, 3)."""
-    corners = np.empty((topology.cell_vertices.size, 3))
-    corners[:] = SQUARE
+    corners = np.zeros((topology.cell_vertices.size, 3))
+    corners[:, 0], corners[:, 2] = SQUARE[0], SQUARE[2]
     if topology.n_quads < topology.n_cells:
         corners[np.repeat(topology.cell_sizes == 3, topology.cell_sizes)] = EQUILATERAL
     return corners
+
+
+def is_ideal(corners: FloatArray, topology: Topology) -> bool:
+    """Whether coefficients at all corners, (n_corners, 3), are those of `ideal_corners`."""
+    if topology.n_quads == topology.n_cells:
+        return bool((corners == SQUARE).all())
+    return np.array_equal(corners, ideal_corners(topology))
 
 
 def blocks(topology: Topology) -> list[tuple[int, IndexArray, IndexArray]]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from qsmooth._types import FloatArray, IndexArray
 from qsmooth.targets.algebra import rectangle_corners, step
-from qsmooth.targets.base import Targets, beside_others, ideal
+from qsmooth.targets.base import Targets, beside_others, ideal, ideal_corners
 from qsmooth.targets.rectangles import rectangles
 from qsmooth.targets.sheets import Sheets
 from qsmooth.targets.sizes import unit_of
@@ -75,12 +75,14 @@ def candidates(
     n_quads = sheets.n_quads
     quads, places = sheets.first[:n_quads], sheets.sides[:n_quads]
     plain = ideal(topology)
-    area, weight, is_layer = np.zeros(topology.n_cells), plain.size_weight, plain.is_layer
-    corners = plain.corners.copy()  # what does not stay is put back to the plain ones
+    area, corners = np.zeros(topology.n_cells), plain.corners
+    weight, is_layer = plain.size_weight, plain.is_layer
     area[quads], weight[quads] = log_area[:n_quads], layer[:n_quads]
     fill_triangles(topology, xy, sheets, layer, log_ratio, log_area, corners, area, weight)
-    changed = np.repeat(~stays, topology.cell_sizes)
-    corners[changed], weight[~stays] = plain.corners[changed], 0.0
+    if not stays.all():
+        changed = np.repeat(~stays, topology.cell_sizes)
+        corners[changed] = ideal_corners(topology)[changed]
+        weight[~stays] = 0.0
     for cells in (sheets.first, sheets.second):
         is_layer[cells] = layer > 0.5
     weight[beside_others(topology, is_layer)] *= BORDER_WEIGHT

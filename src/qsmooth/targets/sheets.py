@@ -40,6 +40,9 @@ PAIR_CHANGE = math.log(4.0)
 LEARNED_RATIO = math.log(2.0), math.log(4.0)
 LEARNED_WINDOW = 7
 
+# So many quads are measured at once: what that takes lies in cache.
+CHUNK = 2**14
+
 
 class Sheets:
     """Quads, and pairs of triangles taken for quads, with their sheets.
@@ -79,18 +82,22 @@ class Sheets:
 
     def _measure(self, topology: Topology, xy: FloatArray) -> None:
         """Measure lengths, sines and heights."""
-        p = xy[topology.cell_vertices[self.sides]]
-        edges = np.empty_like(p)
-        np.subtract(p[:, 1:], p[:, :-1], out=edges[:, :-1])
-        np.subtract(p[:, 0], p[:, 3], out=edges[:, 3])
-        sides = np.hypot(edges[..., 0], edges[..., 1])
-        lengths = 0.5 * (sides[:, :2] + sides[:, 2:])
+        n = len(self.sides)
+        lengths, area = np.empty((n, 2)), np.empty(n)
+        for start in range(0, n, CHUNK):
+            rows = slice(start, start + CHUNK)
+            p = xy[topology.cell_vertices[self.sides[rows]]]
+            edges = np.empty_like(p)
+            np.subtract(p[:, 1:], p[:, :-1], out=edges[:, :-1])
+            np.subtract(p[:, 0], p[:, 3], out=edges[:, 3])
+            sides = np.hypot(edges[..., 0], edges[..., 1])
+            lengths[rows] = 0.5 * (sides[:, :2] + sides[:, 2:])
+            d, e = p[:, 2] - p[:, 0], p[:, 3] - p[:, 1]
+            area[rows] = 0.5 * (d[:, 0] * e[:, 1] - d[:, 1] * e[:, 0])
         # No length: as good as none, but one that logarithms can be averaged of.
-        lengths = np.maximum(lengths, 1e-30 * (float(lengths.max(initial=0.0)) or 1.0))
-        d, e = p[:, 2] - p[:, 0], p[:, 3] - p[:, 1]
-        area = 0.5 * (d[:, 0] * e[:, 1] - d[:, 1] * e[:, 0])
+        np.maximum(lengths, 1e-30 * (float(lengths.max(initial=0.0)) or 1.0), out=lengths)
         self.sine = np.clip(area / (lengths[:, 0] * lengths[:, 1]), 1e-3, 1.0)
-        self.length = np.log(lengths)
+        self.length = np.log(lengths, out=lengths)
         self.along = self.length.ravel()
         self.across = self.length[:, ::-1].ravel()
         self.height = self.across + np.repeat(np.log(self.sine), 2)
